@@ -1,0 +1,92 @@
+"""Episode: what was observed of one handling of one object."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.errors import EpisodeError
+
+TRAIN_FRACTION = 0.7
+"""Share of an episode's frames that is fitted; the rest is held out (paper, Sec. 4.1, 7:3 split)."""
+
+LARGEST_SCENE_M = 20.0
+"""Coordinates beyond this are taken for a wrong unit (millimetres) rather than a large object."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode:
+    """Points of an object and of the hands that move it, over time. SI units, frame `world`, z up."""
+
+    name: str
+    """Where it came from, for messages and provenance; a file name, never an absolute path."""
+    times: np.ndarray
+    """[T] float64, seconds since the first frame, strictly increasing, times[0] == 0."""
+    points: np.ndarray
+    """[T, N, 3] float32, metres; NaN where the point was not seen in that frame."""
+    confidence: np.ndarray
+    """[T, N] float32 in 0..1; 0 where the point was not seen."""
+    point_ids: np.ndarray
+    """[N] uint32, stable over the episode, increasing."""
+    controllers: np.ndarray
+    """[T, C, 3] float32, metres; finite everywhere (short gaps are interpolated by the reader)."""
+    controller_ids: np.ndarray
+    """[C] uint32, stable over the episode, increasing."""
+    ground_height: float = 0.0
+    """z of the table, metres."""
+
+    def __post_init__(self) -> None:
+        points, controllers, times = self.points, self.controllers, self.times
+        if points.ndim != 3 or points.shape[2] != 3:
+            raise EpisodeError(f"{self.name}: object points must be [T, N, 3] in metres, got {points.shape}")
+        frames, count = points.shape[:2]
+        if frames < 2:
+            raise EpisodeError(f"{self.name}: {frames} frame(s); motion needs at least 2. Record a longer episode")
+        if count == 0:
+            raise EpisodeError(f"{self.name}: no object points at all; check the object topic")
+        if controllers.ndim != 3 or controllers.shape[0] != frames or controllers.shape[2] != 3:
+            raise EpisodeError(
+                f"{self.name}: controller points must be [{frames}, C, 3] in metres, got {controllers.shape}"
+            )
+        for label, array, shape in (
+            ("times", times, (frames,)),
+            ("confidence", self.confidence, (frames, count)),
+            ("point_ids", self.point_ids, (count,)),
+            ("controller_ids", self.controller_ids, (controllers.shape[1],)),
+        ):
+            if array.shape != shape:
+                raise EpisodeError(f"{self.name}: {label} must be {shape}, got {array.shape}")
+        steps = np.diff(times)
+        if not np.all(steps > 0):
+            frame = int(np.argmin(steps > 0)) + 1
+            raise EpisodeError(f"{self.name}: time does not increase at frame {frame} (t={times[frame]:.3f} s)")
+        if not np.isfinite(controllers).all():
+            frame, index = np.argwhere(~np.isfinite(controllers))[0][:2]
+            raise EpisodeError(
+                f"{self.name}: controller {self.controller_ids[index]} is not finite at frame {frame}; "
+                "drop that controller or interpolate it"
+            )
+        if np.isinf(points).any():
+            frame, index = np.argwhere(np.isinf(points))[0][:2]
+            raise EpisodeError(f"{self.name}: point {self.point_ids[index]} is infinite at frame {frame}")
+        if not self.visible.any(axis=1)[0]:
+            raise EpisodeError(f"{self.name}: no object point is visible in the first frame; start the bag later")
+        largest = float(np.nanmax(np.abs(points)))
+        if largest > LARGEST_SCENE_M:
+            raise EpisodeError(
+                f"{self.name}: a coordinate of {largest:.0f} m; points must be in metres (were these millimetres?)"
+            )
+
+    @property
+    def visible(self) -> np.ndarray:
+        """[T, N] bool: where a point was seen."""
+        return np.isfinite(self.points).all(axis=2)
+
+    @property
+    def frames(self) -> int:
+        """Number of frames T."""
+        return len(self.times)
+
+    @property
+    def train_frames(self) -> int:
+        """Number of frames that are fitted, floor(0.7 T); frames from this one on are held out."""
+        return int(TRAIN_FRACTION * self.frames)

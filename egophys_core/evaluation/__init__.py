@@ -1,0 +1,23 @@
+"""Errors of a predicted motion, and the predictions without physics to compare with."""
+
+from egophys_core.evaluation.baselines import rigid_follow_prediction, static_prediction
+from egophys_core.evaluation.metrics import (
+    bind_tracks,
+    chamfer_per_frame,
+    split_frames,
+    track_error_per_frame,
+    two_way_chamfer,
+)
+from egophys_core.evaluation.scores import Scores, score
+
+__all__ = [
+    "Scores",
+    "bind_tracks",
+    "chamfer_per_frame",
+    "rigid_follow_prediction",
+    "score",
+    "split_frames",
+    "static_prediction",
+    "track_error_per_frame",
+    "two_way_chamfer",
+]

@@ -1,0 +1,42 @@
+"""What a twin must beat: predictions without physics."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from egophys_core.episode import Episode
+
+
+def static_prediction(episode: Episode) -> np.ndarray:
+    """[T, N, 3] metres: the observed points, and after the train frames the last observed shape stays.
+
+    A point that is not seen in a train frame, or was not when the train frames ended, is where it was last
+    seen; one not seen until then is NaN.
+    """
+    prediction = episode.points.copy()
+    for frame in range(1, episode.frames):
+        source = prediction[frame] if frame < episode.train_frames else np.full_like(prediction[frame], np.nan)
+        prediction[frame] = np.where(np.isfinite(source), source, prediction[frame - 1])
+    return prediction
+
+
+def rigid_follow_prediction(episode: Episode, hold: np.ndarray) -> np.ndarray:
+    """[T, N, 3] metres: every point of frame 0 moves with the controller nearest to it among those that hold.
+
+    Args:
+        hold: [T, C] bool, where a controller point holds the object. A point moves by its controller's way
+            since that controller took hold and stays when it lets go.
+    """
+    prediction = np.repeat(episode.points[:1], episode.frames, axis=0)
+    holding = np.flatnonzero(hold.any(axis=0))
+    seen = np.flatnonzero(np.isfinite(episode.points[0]).all(axis=1))
+    if len(holding) == 0:
+        return prediction
+    first = hold[:, holding].argmax(axis=0)
+    grasp = episode.controllers[first, holding]
+    leader = cKDTree(grasp).query(episode.points[0, seen])[1]
+    steps = np.diff(episode.controllers[:, holding], axis=0, prepend=episode.controllers[:1, holding])
+    steps[~hold[:, holding]] = 0.0
+    # The step into the first held frame still belongs to the reach.
+    steps[first, np.arange(len(holding))] = 0.0
+    prediction[:, seen] += np.cumsum(steps, axis=0)[:, leader]
+    return prediction

@@ -1,0 +1,110 @@
+"""From observed episodes to a twin: the whole of the identification."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from egophys_core import __version__
+from egophys_core.episode import Episode
+from egophys_core.errors import EpisodeError
+from egophys_core.evaluation import Scores, score
+from egophys_core.identification.coarse import fit_coarse
+from egophys_core.identification.contact import find_hands
+from egophys_core.identification.options import FitOptions
+from egophys_core.identification.problem import FitProblem, prepare
+from egophys_core.identification.rest_shape import rest_shape
+from egophys_core.options import to_mapping
+from egophys_core.simulation import batch_of_models, rollout
+from egophys_core.twin import ObjectModel, Provenance, Twin
+
+Progress = Callable[[str, float, float], None]
+"""Called with stage, share of the whole done (0..1), best loss so far (metres); may raise to stop the build."""
+
+SEARCH_SHARE = 0.95
+"""Part of the progress bar that the search takes."""
+
+
+def build_twin(
+    episodes: Sequence[Episode],
+    options: FitOptions,
+    *,
+    seed: int,
+    parent_id: str = "",
+    progress: Progress = lambda stage, share, loss: None,
+) -> Twin:
+    """Fit a twin to the train frames of one or more episodes of one object.
+
+    The nodes come from the first episode; in the others the object is found by registration. On the CPU the
+    same episodes, options and seed give the same twin, bit for bit.
+
+    Raises:
+        EpisodeError: an episode cannot be fitted (no contact, too few points or frames).
+        TwinError: no candidate survived.
+    """
+    if not episodes:
+        raise EpisodeError("no episode given; a twin is built from at least one")
+    progress("prepare", 0.0, float("nan"))
+    shape = rest_shape(
+        episodes[0], find_hands(episodes[0]), max_nodes=options.max_nodes, kind=options.kind.kind
+    )
+    problems = [prepare(episode, shape.positions, shape.surface, spacing=shape.spacing) for episode in episodes]
+    coarse = fit_coarse(
+        problems,
+        shape,
+        options,
+        seed=seed,
+        progress=lambda share, loss: progress("search", SEARCH_SHARE * share, loss),
+    )
+    progress("evaluate", SEARCH_SHARE, coarse.loss)
+    scores = score(predict(coarse.model, problems[0]), shape.surface, episodes[0])
+    twin = Twin(
+        model=coarse.model,
+        grasp=first_grasp(problems[0]),
+        ground_height=episodes[0].ground_height,
+        provenance=Provenance(
+            episodes=tuple({"name": each.name, "sha256": episode_digest(each)} for each in episodes),
+            settings=to_mapping(options),
+            seed=seed,
+            code_version=__version__,
+            parent_id=parent_id,
+            scores=scores.as_dict(),
+        ),
+    )
+    progress("done", 1.0, coarse.loss)
+    return twin
+
+
+def predict(model: ObjectModel, problem: FitProblem) -> np.ndarray:
+    """[T, N, 3] metres: the model driven by an episode's controllers from its first frame.
+
+    Raises:
+        SimulationError: the rollout diverged.
+    """
+    ground = problem.episode.ground_height
+    result = rollout(batch_of_models([model], [problem.controls], starts=[problem.start], ground_height=ground))
+    result.raise_on_failure()
+    return result.positions[0]
+
+
+def evaluate_twin(twin: Twin, episode: Episode) -> tuple[Scores, np.ndarray]:
+    """Errors of a twin on an episode of its object, and the predicted nodes [T, N, 3] in metres."""
+    graph = twin.model.graph
+    spacing = float(np.median(graph.rest_lengths))
+    problem = prepare(episode, graph.positions, graph.surface, spacing=spacing)
+    predicted = predict(twin.model, problem)
+    return score(predicted, graph.surface, episode), predicted
+
+
+def first_grasp(problem: FitProblem) -> np.ndarray:
+    """[C, 3] float32 metres, world: the controller points of the first hand as it takes hold."""
+    hand = min((hand for hand in problem.hands if hand.holds), key=lambda hand: hand.first)
+    return problem.episode.controllers[hand.first, hand.controllers].astype(np.float32)
+
+
+def episode_digest(episode: Episode) -> str:
+    """SHA-256 of what a fit sees of an episode: times, points and controllers."""
+    digest = hashlib.sha256()
+    for array in (episode.times, episode.points, episode.controllers):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,79 @@
+"""FitProblem: an episode made ready to compare rollouts with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.episode import Episode
+from egophys_core.errors import EpisodeError
+from egophys_core.evaluation import bind_tracks, split_frames
+from egophys_core.identification.contact import NEAR, Hand, find_hands, hold_flags
+from egophys_core.identification.registration import place, placed
+from egophys_core.identification.rest_shape import observed_at_rest
+from egophys_core.simulation import Controls
+
+LEAD_FRAMES = 3
+"""Frames simulated before the first contact: at rest nothing can be learnt, and a few let the object settle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitProblem:
+    """One episode, the object placed in it, and which frames count."""
+
+    episode: Episode
+    hands: tuple[Hand, ...]
+    start: np.ndarray
+    """[N, 3] float32, node positions at rest in this episode, metres, world."""
+    bound: np.ndarray
+    """[P] surface node of each track, -1 for none."""
+    controls: Controls
+    """Over all frames of the episode."""
+
+    @property
+    def first_frame(self) -> int:
+        """Frame at which fitting rollouts begin, with the object at rest."""
+        return max(0, min(hand.first for hand in self.hands if hand.holds) - LEAD_FRAMES)
+
+    def train_controls(self) -> Controls:
+        """Controls from `first_frame` to the last train frame."""
+        frames = slice(self.first_frame, self.episode.train_frames)
+        return Controls(
+            times=self.controls.times[frames],
+            positions=self.controls.positions[frames],
+            hold=self.controls.hold[frames],
+        )
+
+    def loss_frames(self, stride: int) -> np.ndarray:
+        """Frames the loss looks at."""
+        return np.arange(self.first_frame + 1, self.episode.train_frames, stride)
+
+
+def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spacing: float) -> FitProblem:
+    """Find the hands of an episode and place the object's nodes in it.
+
+    Args:
+        positions: [N, 3] metres, the object's nodes at rest.
+        surface: [N] bool.
+        spacing: metres between nodes.
+
+    Raises:
+        EpisodeError: no hand ever comes near the object, so nothing drives it.
+    """
+    split_frames(episode)
+    hands = tuple(find_hands(episode))
+    if not any(hand.holds for hand in hands):
+        raise EpisodeError(
+            f"{episode.name}: no hand comes within {NEAR} m of the object, so nothing moves it; check that "
+            "object and controller points are in the same frame and unit"
+        )
+    pose = place(positions[surface], observed_at_rest(episode, hands)[1], spacing=spacing)
+    start = placed(positions, pose, positions[surface].mean(axis=0))
+    return FitProblem(
+        episode=episode,
+        hands=hands,
+        start=start,
+        bound=bind_tracks(episode.points[0], start[surface]),
+        controls=Controls(
+            times=episode.times, positions=episode.controllers, hold=hold_flags(episode, hands)
+        ),
+    )

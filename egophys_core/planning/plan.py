@@ -1,0 +1,42 @@
+"""WaypointPlan: where the tool goes, when, and how far the gripper is open."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.errors import PlanningError
+
+
+@dataclass(frozen=True, kw_only=True)
+class WaypointPlan:
+    """Timed tool poses in frame `world`; between waypoints the tool moves linearly (slerp for rotation).
+
+    Shapes are checked here. Whether the numbers may be executed (finite, inside the workspace, not too
+    fast) is decided by `egophys_core.robot.check_plan`, which names the waypoint.
+    """
+
+    times: np.ndarray
+    """[W] float64, seconds since the start of the plan."""
+    positions: np.ndarray
+    """[W, 3] float64, tool position, metres, world."""
+    quaternions: np.ndarray
+    """[W, 4] float64, tool orientation, x y z w, world."""
+    gripper_opening: np.ndarray
+    """[W] float64, metres between the fingers; 0 is closed. Holds from its waypoint until the next."""
+    twin_id: str
+    """The twin it was planned with; empty if none."""
+    predicted_cost: float
+    """Task cost the planner expects at the end, in the task's unit (metres for a target shape)."""
+
+    def __post_init__(self) -> None:
+        count = len(self.times)
+        if count == 0:
+            raise PlanningError("a plan needs at least one waypoint, got none")
+        for label, array, shape in (
+            ("times", self.times, (count,)),
+            ("positions", self.positions, (count, 3)),
+            ("quaternions", self.quaternions, (count, 4)),
+            ("gripper_opening", self.gripper_opening, (count,)),
+        ):
+            if np.shape(array) != shape:
+                raise PlanningError(f"plan {label} must be {shape} for {count} waypoints, got {np.shape(array)}")

@@ -1,0 +1,60 @@
+"""Bags and logs in and out (MCAP, rosbag2 folders) <-> arrays. Imports neither ROS, Warp nor torch."""
+
+from egophys_core.recording.bag_metadata import LATCHED_QOS, SENSOR_QOS, TopicQos
+from egophys_core.recording.episode_reader import (
+    CONTROLLER_TOPIC,
+    OBJECT_TOPIC,
+    WORLD_FRAME,
+    decode_episode,
+    read_episode,
+)
+from egophys_core.recording.episode_writer import write_episode
+from egophys_core.recording.log_writer import LogWriter
+from egophys_core.recording.message_definitions import (
+    MessageDefinition,
+    definition_from_folder,
+    jazzy_types,
+    standard_definition,
+)
+from egophys_core.recording.point_tracks import EpisodeWarning
+from egophys_core.recording.pointcloud import (
+    POINT_DTYPE,
+    POINT_FIELDS,
+    PointFrame,
+    decode_points,
+    encode_points,
+    pack_points,
+    points_of_message,
+)
+from egophys_core.recording.reader import list_topics, read_records
+from egophys_core.recording.records import CutRecordingWarning, Record, TopicInfo
+
+__all__ = [
+    "CONTROLLER_TOPIC",
+    "LATCHED_QOS",
+    "OBJECT_TOPIC",
+    "POINT_DTYPE",
+    "POINT_FIELDS",
+    "SENSOR_QOS",
+    "WORLD_FRAME",
+    "CutRecordingWarning",
+    "EpisodeWarning",
+    "LogWriter",
+    "MessageDefinition",
+    "PointFrame",
+    "Record",
+    "TopicInfo",
+    "TopicQos",
+    "decode_episode",
+    "decode_points",
+    "definition_from_folder",
+    "encode_points",
+    "jazzy_types",
+    "list_topics",
+    "pack_points",
+    "points_of_message",
+    "read_episode",
+    "read_records",
+    "standard_definition",
+    "write_episode",
+]

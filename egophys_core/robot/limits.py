@@ -1,0 +1,161 @@
+"""What the arm may be asked to do; a plan is judged as a whole before anything moves."""
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from egophys_core.errors import RobotError
+from egophys_core.planning.plan import WaypointPlan
+from egophys_core.robot.frames import Transform
+from egophys_core.robot.yaml_mapping import check_keys, load_mapping, number_array
+
+UNIT_QUATERNION_TOLERANCE = 1e-3
+"""How far a waypoint quaternion's length may be from 1; float32 messages pass, wrong orders do not."""
+
+SPEED_TOLERANCE = 1e-6
+"""Relative slack of the speed checks, so that a plan made exactly at a limit is not refused for rounding."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionLimits:
+    """Workspace box and motion limits of the tool point. The box is in the robot base frame."""
+
+    workspace_min_m: tuple[float, float, float]
+    """Lowest x, y, z of the tool point in the base frame, metres."""
+    workspace_max_m: tuple[float, float, float]
+    """Highest x, y, z of the tool point in the base frame, metres."""
+    max_speed_m_s: float = 0.25
+    """Speed of the tool point; 0.25 m/s is the reduced speed of ISO 10218-1, 5.6."""
+    max_acceleration_m_s2: float = 5.0
+    """Change of velocity between neighbouring segments, rest included at both ends, over their mean time."""
+    max_angular_speed_rad_s: float = 1.0
+    """Rotation speed of the tool; the xArm's joints do pi rad/s."""
+    min_interval_s: float = 0.02
+    """Shortest time between waypoints; the controller is streamed to every 0.01 s."""
+    max_gripper_opening_m: float = 0.085
+    """Stroke of the xArm gripper."""
+
+    def __post_init__(self) -> None:
+        for name in ("workspace_min_m", "workspace_max_m"):
+            corner = number_array(getattr(self, name), name, 3)
+            object.__setattr__(self, name, tuple(corner.tolist()))
+        for axis, low, high in zip("xyz", self.workspace_min_m, self.workspace_max_m, strict=True):
+            if not low < high:
+                raise RobotError(f"workspace is empty along {axis}: from {low} m to {high} m; swap or widen them")
+        for item in fields(self)[2:]:
+            value = getattr(self, item.name)
+            if not isinstance(value, int | float) or not np.isfinite(value) or value <= 0:
+                raise RobotError(f"{item.name} must be a positive number, got {value!r}")
+
+    @classmethod
+    def load(cls, path: Path) -> "MotionLimits":
+        """Read a YAML file whose keys are the fields of this class.
+
+        Raises:
+            RobotError: unreadable, unknown or missing key, value out of range.
+        """
+        content = load_mapping(path)
+        names = [item.name for item in fields(cls)]
+        check_keys(content, str(path), required=names[:2], optional=names[2:])
+        return cls(**content)
+
+    def outside(self, point: np.ndarray) -> str | None:
+        """Why a point [3] (base frame, metres) is outside the box, or None when it is inside."""
+        for axis, value, low, high in zip("xyz", point, self.workspace_min_m, self.workspace_max_m, strict=True):
+            if not low <= value <= high:
+                return f"{axis} = {value:.3f} m is outside the workspace {low:.3f} .. {high:.3f} m"
+        return None
+
+
+def check_plan(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transform) -> None:
+    """Refuse a plan that must not be executed; nothing has moved when this raises.
+
+    Only waypoints are compared with the box: the box is convex, so the straight line between two
+    waypoints inside it is inside it too.
+
+    Raises:
+        RobotError: names the first bad waypoint, its value, the limit and what to do.
+    """
+    _check_numbers(plan, limits)
+    _check_times(plan, limits)
+    for index, point in enumerate(world_to_base.apply(plan.positions)):
+        reason = limits.outside(point)
+        if reason:
+            raise RobotError(
+                f"{_name(plan, index)}: {reason} (robot base frame); move the target, recalibrate, "
+                "or widen the workspace if the space is really free"
+            )
+    _check_motion(plan, limits)
+
+
+def _check_numbers(plan: WaypointPlan, limits: MotionLimits) -> None:
+    for label, values in (
+        ("time", plan.times),
+        ("position", plan.positions),
+        ("quaternion", plan.quaternions),
+        ("gripper opening", plan.gripper_opening),
+    ):
+        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        if not finite.all():
+            index = int(np.argmin(finite))
+            raise RobotError(f"waypoint {index}: {label} {np.asarray(values)[index]} is not finite; plan again")
+    lengths = np.linalg.norm(plan.quaternions, axis=1)
+    wrong = np.abs(lengths - 1) > UNIT_QUATERNION_TOLERANCE
+    if wrong.any():
+        index = int(np.argmax(wrong))
+        raise RobotError(
+            f"{_name(plan, index)}: quaternion {plan.quaternions[index].tolist()} has length {lengths[index]:.4f}, "
+            "must be 1; normalise it (order x, y, z, w)"
+        )
+    wrong = (plan.gripper_opening < 0) | (plan.gripper_opening > limits.max_gripper_opening_m)
+    if wrong.any():
+        index = int(np.argmax(wrong))
+        raise RobotError(
+            f"{_name(plan, index)}: gripper opening {plan.gripper_opening[index]:.4f} m is outside "
+            f"0 .. {limits.max_gripper_opening_m} m; is it in metres?"
+        )
+
+
+def _check_times(plan: WaypointPlan, limits: MotionLimits) -> None:
+    if plan.times[0] < 0:
+        raise RobotError(f"waypoint 0: time {plan.times[0]:.3f} s is before the start of the plan; start at 0")
+    steps = np.diff(plan.times)
+    short = steps < limits.min_interval_s * (1 - SPEED_TOLERANCE)
+    if short.any():
+        index = int(np.argmax(short)) + 1
+        raise RobotError(
+            f"{_name(plan, index)}: {steps[index - 1]:.4f} s after the waypoint before it, must be at least "
+            f"{limits.min_interval_s} s later; merge them or stretch the plan"
+        )
+
+
+def _check_motion(plan: WaypointPlan, limits: MotionLimits) -> None:
+    steps = np.diff(plan.times)
+    if len(steps) == 0:
+        return
+    velocities = np.diff(plan.positions, axis=0) / steps[:, None]
+    speeds = np.linalg.norm(velocities, axis=1)
+    rotations = Rotation.from_quat(plan.quaternions)
+    turning = (rotations[:-1].inv() * rotations[1:]).magnitude() / steps
+    # Rest before the first and after the last waypoint: the plan must also get going and stop.
+    changes = np.diff(velocities, axis=0, prepend=np.zeros((1, 3)), append=np.zeros((1, 3)))
+    durations = np.concatenate([steps[:1], (steps[:-1] + steps[1:]) / 2, steps[-1:]])
+    accelerations = np.linalg.norm(changes, axis=1) / durations
+    for label, unit, values, limit, first, order in (
+        ("speed", "m/s", speeds, limits.max_speed_m_s, 1, 1),
+        ("angular speed", "rad/s", turning, limits.max_angular_speed_rad_s, 1, 1),
+        ("acceleration", "m/s^2", accelerations, limits.max_acceleration_m_s2, 0, 2),
+    ):
+        fast = values > limit * (1 + SPEED_TOLERANCE)
+        if fast.any():
+            index = int(np.argmax(fast))
+            raise RobotError(
+                f"{_name(plan, index + first)}: {label} {values[index]:.3f} {unit} exceeds {limit} {unit}; "
+                f"stretch the plan's times by a factor of {(values.max() / limit) ** (1 / order):.2f} or more"
+            )
+
+
+def _name(plan: WaypointPlan, index: int) -> str:
+    return f"waypoint {index} (t={plan.times[index]:.2f} s)"

@@ -1,0 +1,68 @@
+"""Where the tool should be at a time: along a plan, or on the way to its first waypoint."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from egophys_core.planning.plan import WaypointPlan
+from egophys_core.robot.frames import Transform
+from egophys_core.robot.limits import MotionLimits
+
+PEAK_SPEED = 1.875
+"""Largest ds/dtau of the minimum-jerk law s = 10 tau^3 - 15 tau^4 + 6 tau^5 (at tau = 1/2)."""
+
+PEAK_ACCELERATION = 10 / np.sqrt(3)
+"""Largest d2s/dtau2 of the minimum-jerk law."""
+
+
+class PlannedPath:
+    """A plan as a function of time: positions linear, orientations slerp, gripper held. Frame of the plan."""
+
+    def __init__(self, plan: WaypointPlan) -> None:
+        self._plan = plan
+        self._slerp = Slerp(plan.times, Rotation.from_quat(plan.quaternions)) if len(plan.times) > 1 else None
+
+    @property
+    def duration(self) -> float:
+        """Time of the last waypoint, seconds."""
+        return float(self._plan.times[-1])
+
+    def pose_at(self, time: float) -> Transform:
+        """Tool pose at a time in seconds; the first or last waypoint's outside the plan."""
+        plan = self._plan
+        time = float(np.clip(time, plan.times[0], plan.times[-1]))
+        position = np.array([np.interp(time, plan.times, plan.positions[:, axis]) for axis in range(3)])
+        quaternion = plan.quaternions[0] if self._slerp is None else self._slerp(time).as_quat()
+        return Transform.from_quaternion(position, quaternion)
+
+    def opening_at(self, time: float) -> float:
+        """Gripper opening in metres: that of the last waypoint passed."""
+        index = int(np.searchsorted(self._plan.times, time, side="right")) - 1
+        return float(self._plan.gripper_opening[max(index, 0)])
+
+
+class StraightMove:
+    """Straight line from rest to rest with the minimum-jerk time law, as fast as the limits allow.
+
+    T. Flash and N. Hogan, J. Neurosci. 5 (1985) 1688.
+    """
+
+    def __init__(self, start: Transform, goal: Transform, limits: MotionLimits) -> None:
+        self._start = start
+        self._way = goal.translation - start.translation
+        self._turn = Rotation.from_matrix(start.rotation.T @ goal.rotation).as_rotvec()
+        length, angle = float(np.linalg.norm(self._way)), float(np.linalg.norm(self._turn))
+        self.duration = max(
+            PEAK_SPEED * length / limits.max_speed_m_s,
+            PEAK_SPEED * angle / limits.max_angular_speed_rad_s,
+            float(np.sqrt(PEAK_ACCELERATION * length / limits.max_acceleration_m_s2)),
+        )
+        """Seconds; 0 when start and goal are the same."""
+
+    def pose_at(self, time: float) -> Transform:
+        """Pose at a time in seconds, clamped to the move."""
+        tau = min(max(time / self.duration, 0.0), 1.0) if self.duration > 0 else 1.0
+        share = tau**3 * (10 - 15 * tau + 6 * tau**2)
+        return Transform(
+            rotation=self._start.rotation @ Rotation.from_rotvec(share * self._turn).as_matrix(),
+            translation=self._start.translation + share * self._way,
+        )

@@ -1,0 +1,130 @@
+"""RolloutBatch: everything K rollouts need, with graphs and parameters of their own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.errors import SimulationError
+from egophys_core.simulation.controls import Controls
+from egophys_core.twin import ObjectKind, ObjectModel, PhysicalParameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class RolloutBatch:
+    """K rollouts of objects with equally many nodes, advanced together.
+
+    Rollouts may differ in springs: `springs` is the union, and a stiffness of 0 says that a rollout lacks one.
+    """
+
+    springs: np.ndarray
+    """[E, 2] int32, i < j."""
+    stiffness: np.ndarray
+    """[K, E] float32, N/m; 0 where absent."""
+    damping: np.ndarray
+    """[K, E] float32, N s/m; 0 where absent."""
+    rest_lengths: np.ndarray
+    """[E] float32, metres."""
+    masses: np.ndarray
+    """[K, N] float32, kg."""
+    positions: np.ndarray
+    """[K, N, 3] float32, start, metres, world."""
+    velocities: np.ndarray
+    """[K, N, 3] float32, start, m/s."""
+    parameters: tuple[PhysicalParameters, ...]
+    """K of them."""
+    controls: tuple[Controls, ...]
+    """K of them, with the same times and number of controller points."""
+    flat: bool
+    """Whether controller springs use the flat object's fallback."""
+    ground_height: float
+    """World z of the table, metres."""
+
+    def __post_init__(self) -> None:
+        count, springs = self.count, len(self.springs)
+        nodes = self.positions.shape[1] if self.positions.ndim == 3 else -1
+        for label, array, shape in (
+            ("springs", self.springs, (springs, 2)),
+            ("stiffness", self.stiffness, (count, springs)),
+            ("damping", self.damping, (count, springs)),
+            ("rest_lengths", self.rest_lengths, (springs,)),
+            ("masses", self.masses, (count, nodes)),
+            ("positions", self.positions, (count, nodes, 3)),
+            ("velocities", self.velocities, (count, nodes, 3)),
+        ):
+            if array.shape != shape:
+                raise SimulationError(f"batch of {count} rollouts: {label} must be {shape}, got {array.shape}")
+        if count == 0 or len(self.controls) != count:
+            raise SimulationError(f"batch needs one control sequence per rollout: {count} and {len(self.controls)}")
+        first = self.controls[0]
+        for index, controls in enumerate(self.controls):
+            if controls.positions.shape != first.positions.shape or not np.array_equal(controls.times, first.times):
+                raise SimulationError(f"batch: controls of rollout {index} differ from rollout 0 in times or points")
+        if not (np.isfinite(self.positions).all() and np.isfinite(self.velocities).all()):
+            raise SimulationError("batch: start positions and velocities must be finite")
+
+    @property
+    def count(self) -> int:
+        """Number of rollouts K."""
+        return len(self.parameters)
+
+    def part(self, rows: np.ndarray) -> "RolloutBatch":
+        """Some rollouts as a batch of their own, without the springs that none of them has."""
+        present = (self.stiffness[rows] > 0).any(axis=0)
+        return RolloutBatch(
+            springs=self.springs[present],
+            stiffness=self.stiffness[rows][:, present],
+            damping=self.damping[rows][:, present],
+            rest_lengths=self.rest_lengths[present],
+            masses=self.masses[rows],
+            positions=self.positions[rows],
+            velocities=self.velocities[rows],
+            parameters=tuple(self.parameters[row] for row in rows),
+            controls=tuple(self.controls[row] for row in rows),
+            flat=self.flat,
+            ground_height=self.ground_height,
+        )
+
+
+def batch_of_models(
+    models: Sequence[ObjectModel],
+    controls: Sequence[Controls],
+    *,
+    starts: Sequence[np.ndarray] | None = None,
+    ground_height: float,
+) -> RolloutBatch:
+    """Rollouts, from rest, of models with the same nodes (graphs and parameters may differ), one control each.
+
+    Args:
+        starts: per model [N, 3] metres where its nodes lie at the start; by default the graph's own positions.
+    """
+    first = models[0]
+    nodes = len(first.graph.positions)
+    for model in models:
+        if len(model.graph.positions) != nodes or model.kind != first.kind:
+            raise SimulationError("a batch needs models of one object: the same kind and number of nodes")
+    codes = [model.graph.springs[:, 0].astype(np.int64) * nodes + model.graph.springs[:, 1] for model in models]
+    # A pair can be a structural spring of one model and a bending spring of another: one entry serves both.
+    union = np.unique(np.concatenate(codes))
+    shape = (len(models), len(union))
+    stiffness, damping = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    rest_lengths = np.ones(len(union), np.float32)
+    for row, (model, code) in enumerate(zip(models, codes, strict=True)):
+        columns = np.searchsorted(union, code)
+        stiffness[row, columns] = model.stiffness
+        damping[row, columns] = model.spring_damping
+        rest_lengths[columns] = model.graph.rest_lengths
+    positions = starts if starts is not None else [model.graph.positions for model in models]
+    return RolloutBatch(
+        springs=np.stack([union // nodes, union % nodes], axis=1).astype(np.int32),
+        stiffness=stiffness,
+        damping=damping,
+        rest_lengths=rest_lengths,
+        masses=np.stack([model.node_masses for model in models]),
+        positions=np.stack(list(positions)).astype(np.float32),
+        velocities=np.zeros((len(models), nodes, 3), np.float32),
+        parameters=tuple(model.parameters for model in models),
+        controls=tuple(controls),
+        flat=first.kind == ObjectKind.SHEET,
+        ground_height=ground_height,
+    )

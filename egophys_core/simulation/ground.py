@@ -1,0 +1,57 @@
+"""The table: a horizontal plane with force projection, restitution and Coulomb friction."""
+
+import warp as wp
+
+from egophys_core.simulation.lanes import LANES, Lanes
+
+# Conditions are products of wp.step (1 where the argument is negative) instead of branches, which would keep
+# the compiler from working on all lanes at once.
+
+SMALLEST_SPEED = 1.0e-9
+"""Sliding slower than this, m/s, is at rest; guards the division by the sliding speed."""
+
+
+@wp.func
+def project_upward_force(fz: Lanes, height: Lanes, threshold: Lanes, projection: Lanes) -> Lanes:
+    """Net upward force that is left within the contact band, N (paper, ground-projection equation).
+
+    F' = F - alpha_g max(0, F.n) n for a node whose height above contact is in [0, threshold), n = +z.
+    """
+    left = Lanes()
+    for lane in range(LANES):
+        inside = (1.0 - wp.step(height[lane])) * wp.step(height[lane] - threshold[lane])
+        left[lane] = fz[lane] - inside * projection[lane] * wp.max(fz[lane], 0.0)
+    return left
+
+
+@wp.func
+def collide(
+    height: Lanes, vx: Lanes, vy: Lanes, vz: Lanes, dt: Lanes, restitution: Lanes, friction: Lanes
+):
+    """Velocity after the table and the way moved up, for a node that would cross it within `dt`.
+
+    The normal speed is reversed and scaled by the restitution e; the tangential velocity loses what Coulomb
+    friction takes for that normal impulse, mu (1 + e) |v_z|, at most all of it. The node falls until it
+    touches and moves with the new velocity for the rest of the step.
+
+    Returns:
+        vx, vy, vz after contact, m/s, and the upward displacement within `dt`, m.
+    """
+    new_vx = Lanes()
+    new_vy = Lanes()
+    new_vz = Lanes()
+    rise = Lanes()
+    for lane in range(LANES):
+        free_rise = dt[lane] * vz[lane]
+        hits = wp.step(-dt[lane]) * wp.step(height[lane] + free_rise) * wp.step(vz[lane])
+        fall = wp.max(-vz[lane], SMALLEST_SPEED)
+        fall_time = wp.clamp(height[lane] / fall, 0.0, dt[lane])
+        sliding = wp.sqrt(vx[lane] * vx[lane] + vy[lane] * vy[lane])
+        lost = friction[lane] * (1.0 + restitution[lane]) * fall
+        kept = wp.max(0.0, 1.0 - lost / wp.max(sliding, SMALLEST_SPEED))
+        bounce = restitution[lane] * fall
+        new_vx[lane] = vx[lane] + hits * (kept * vx[lane] - vx[lane])
+        new_vy[lane] = vy[lane] + hits * (kept * vy[lane] - vy[lane])
+        new_vz[lane] = vz[lane] + hits * (bounce - vz[lane])
+        rise[lane] = free_rise + hits * ((dt[lane] - fall_time) * bounce - fall_time * fall - free_rise)
+    return new_vx, new_vy, new_vz, rise

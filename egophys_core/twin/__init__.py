@@ -1,0 +1,26 @@
+"""The twin of an object: its spring graph, parameters, provenance, and its file."""
+
+from egophys_core.twin.graph import SpringGraph, SpringKind, bridge_components, connect, connected_components
+from egophys_core.twin.model import ObjectKind, ObjectModel, per_kind
+from egophys_core.twin.parameters import GRAVITY, PhysicalParameters
+from egophys_core.twin.storage import decode_twin, encode_twin, load_twin, save_twin
+from egophys_core.twin.twin import Provenance, Twin
+
+__all__ = [
+    "GRAVITY",
+    "ObjectKind",
+    "ObjectModel",
+    "PhysicalParameters",
+    "Provenance",
+    "SpringGraph",
+    "SpringKind",
+    "Twin",
+    "bridge_components",
+    "connect",
+    "connected_components",
+    "decode_twin",
+    "encode_twin",
+    "load_twin",
+    "per_kind",
+    "save_twin",
+]

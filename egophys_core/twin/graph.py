@@ -1,0 +1,112 @@
+"""The spring graph of an object: nodes, springs between them, and which nodes can be seen."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from egophys_core.errors import TwinError
+
+
+class SpringKind(IntEnum):
+    """What a spring stands for; springs of a graph are grouped in this order."""
+
+    STRUCTURAL = 0
+    """Between near nodes: in-plane stretch of a sheet, volume of a solid."""
+    BENDING = 1
+    """Between farther nodes of a sheet: softer, more damped, resists folding (paper, App. B.2)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpringGraph:
+    """Nodes at rest and the springs between them."""
+
+    positions: np.ndarray
+    """[N, 3] float32, rest positions, metres, world."""
+    springs: np.ndarray
+    """[E, 2] int32, node indices i < j; structural springs first, then bending."""
+    kinds: np.ndarray
+    """[E] uint8, `SpringKind`."""
+    rest_lengths: np.ndarray
+    """[E] float32, metres, positive."""
+    surface: np.ndarray
+    """[N] bool: nodes on the visible surface; the others fill the inside of a solid."""
+
+    def __post_init__(self) -> None:
+        nodes, springs = len(self.positions), len(self.springs)
+        for label, array, shape in (
+            ("positions", self.positions, (nodes, 3)),
+            ("springs", self.springs, (springs, 2)),
+            ("kinds", self.kinds, (springs,)),
+            ("rest_lengths", self.rest_lengths, (springs,)),
+            ("surface", self.surface, (nodes,)),
+        ):
+            if array.shape != shape:
+                raise TwinError(f"spring graph: {label} must be {shape}, got {array.shape}")
+        if nodes == 0:
+            raise TwinError("spring graph: no nodes")
+        if springs and (self.springs.min() < 0 or self.springs.max() >= nodes):
+            raise TwinError(f"spring graph: a spring names node {self.springs.max()}, there are {nodes}")
+        if not np.isfinite(self.positions).all():
+            raise TwinError(f"spring graph: node {np.argwhere(~np.isfinite(self.positions))[0][0]} is not finite")
+        if not (self.rest_lengths > 0).all():
+            spring = int(np.argmin(self.rest_lengths))
+            raise TwinError(
+                f"spring graph: spring {spring} between nodes {self.springs[spring].tolist()} has rest length "
+                f"{self.rest_lengths[spring]:g} m; merge nodes that coincide"
+            )
+
+
+def connect(
+    positions: np.ndarray, *, radius: float, max_neighbours: int, inner_radius: float = 0.0
+) -> np.ndarray:
+    """Springs between each node and its nearest nodes at a distance in (inner_radius, radius].
+
+    Args:
+        positions: [N, 3], metres.
+        radius: longest spring, metres.
+        max_neighbours: springs a node asks for; it can end with more where others ask for it.
+        inner_radius: nearer nodes are skipped, metres.
+
+    Returns:
+        [E, 2] int32 pairs i < j, sorted, without repeats.
+    """
+    tree = cKDTree(positions)
+    distances, neighbours = tree.query(positions, k=len(positions), distance_upper_bound=radius * (1 + 1e-6))
+    inside = np.isfinite(distances) & (distances > max(inner_radius, 0.0))
+    inside[:, 0] = False
+    inside &= np.cumsum(inside, axis=1) <= max_neighbours
+    node, rank = np.nonzero(inside)
+    pairs = np.stack([node, neighbours[node, rank]], axis=1)
+    return np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int32).reshape(-1, 2)
+
+
+def connected_components(node_count: int, springs: np.ndarray) -> np.ndarray:
+    """[N] int: the component each node belongs to, from springs [E, 2]."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components as label_components
+
+    links = coo_matrix((np.ones(len(springs)), (springs[:, 0], springs[:, 1])), shape=(node_count, node_count))
+    return label_components(links, directed=False)[1]
+
+
+def bridge_components(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
+    """Add the shortest springs that make a graph of several pieces one piece.
+
+    A tracked surface with a gap would otherwise fall apart under its own weight.
+
+    Returns:
+        [E', 2] int32 springs, sorted, E' >= E.
+    """
+    springs = springs.reshape(-1, 2)
+    while True:
+        labels = connected_components(len(positions), springs)
+        if labels.max() == 0:
+            return springs
+        piece = np.flatnonzero(labels == labels[-1])
+        rest = np.flatnonzero(labels != labels[-1])
+        distances, nearest = cKDTree(positions[rest]).query(positions[piece])
+        closest = np.argsort(distances, kind="stable")[:3]
+        bridges = np.stack([piece[closest], rest[nearest[closest]]], axis=1)
+        springs = np.unique(np.sort(np.concatenate([springs, bridges]), axis=1), axis=0).astype(np.int32)

@@ -1,0 +1,55 @@
+"""ObjectModel: what is needed to simulate an object."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from egophys_core.errors import TwinError
+from egophys_core.twin.graph import SpringGraph, SpringKind
+from egophys_core.twin.parameters import PhysicalParameters
+
+
+class ObjectKind(StrEnum):
+    """How an object resists deformation; decides the graph and the fitted parameters."""
+
+    SHEET = "sheet"
+    """Towel, cloth, bag: bending springs, strain limit, ground projection."""
+    SOLID = "solid"
+    """Plush toy: filled inside, no bending springs, drag instead of strain limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObjectModel:
+    """A spring graph with a stiffness per spring and global parameters."""
+
+    kind: ObjectKind
+    graph: SpringGraph
+    parameters: PhysicalParameters
+    stiffness: np.ndarray
+    """[E] float32, N/m, per spring."""
+
+    def __post_init__(self) -> None:
+        if self.stiffness.shape != (len(self.graph.springs),):
+            raise TwinError(
+                f"stiffness must be ({len(self.graph.springs)},), one per spring, got {self.stiffness.shape}"
+            )
+        if not (np.isfinite(self.stiffness).all() and (self.stiffness > 0).all()):
+            raise TwinError(f"stiffness must be finite and positive, got a minimum of {self.stiffness.min()} N/m")
+
+    @property
+    def spring_damping(self) -> np.ndarray:
+        """[E] float32, N s/m, per spring."""
+        return per_kind(self.graph, self.parameters.damping, self.parameters.bending_damping_ratio)
+
+    @property
+    def node_masses(self) -> np.ndarray:
+        """[N] float32, kg: the total mass in equal parts."""
+        nodes = len(self.graph.positions)
+        return np.full(nodes, self.parameters.total_mass / nodes, np.float32)
+
+
+def per_kind(graph: SpringGraph, structural: float, bending_ratio: float) -> np.ndarray:
+    """[E] float32: one number for structural springs, that number times a ratio for bending springs."""
+    ratio = np.where(graph.kinds == SpringKind.BENDING, bending_ratio, 1.0)
+    return (ratio * structural).astype(np.float32)

@@ -1,0 +1,65 @@
+"""PhysicalParameters: the numbers a twin has besides its graph."""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.errors import TwinError
+
+GRAVITY = 9.81
+"""Standard gravity to the accuracy that matters here, m/s^2."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhysicalParameters:
+    """Global physical parameters of a twin (the paper's alpha), SI units.
+
+    Point tracks determine forces per mass only, so the total mass is a scale that is chosen, not fitted;
+    stiffness and damping come out for that mass.
+    """
+
+    total_mass: float = 0.1
+    """Mass of the object, kg; shared equally by the nodes."""
+    stiffness: float
+    """Stiffness of a structural spring, N/m (the paper's k-bar)."""
+    bending_ratio: float = 0.1
+    """Stiffness of a bending spring over that of a structural one."""
+    damping: float
+    """Dashpot of a structural spring, N s/m (gamma of the paper's force equation)."""
+    bending_damping_ratio: float = 2.0
+    """Dashpot of a bending spring over that of a structural one."""
+    drag: float = 0.0
+    """Velocity decay against the world, 1/s: every node feels -drag * mass * velocity."""
+    strain_limit: float = 0.5
+    """Tensile strain beyond which a structural spring softens (paper, strain-limiting equation)."""
+    restitution: float = 0.0
+    """Share of the normal speed kept in a bounce off the table, 0..1."""
+    friction: float = 0.5
+    """Coulomb friction coefficient against the table."""
+    ground_projection: float = 0.0
+    """Share of an upward net force removed within the contact band (alpha_g of the paper), 0..1."""
+    contact_threshold: float = 0.005
+    """Height of the contact band above the table, metres (delta_c of the paper)."""
+    contact_radius: float = 0.0
+    """Distance of a node's centre from the surface it stands for, metres; it touches the table at this height."""
+    controller_stiffness: float
+    """Stiffness of a spring between a held node and a controller point, N/m."""
+    controller_radius: float = 0.03
+    """Nodes within this distance of a controller point are held when it takes hold, metres (r_c)."""
+    controller_neighbours: int = 10
+    """Most nodes a controller point holds."""
+    gravity: float = GRAVITY
+    """Downward acceleration, m/s^2."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not np.isfinite(value) or value < 0:
+                raise TwinError(f"{field.name} must be finite and not negative, got {value}")
+        for name in ("total_mass", "stiffness", "controller_radius"):
+            if getattr(self, name) == 0:
+                raise TwinError(f"{name} must be positive, got 0")
+        for name in ("restitution", "ground_projection"):
+            if getattr(self, name) > 1:
+                raise TwinError(f"{name} must be in 0..1, got {getattr(self, name)}")

@@ -1,0 +1,85 @@
+"""A twin as one file: a NumPy archive of its arrays and a JSON header, never pickle."""
+
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from egophys_core.errors import TwinError
+from egophys_core.files import write_atomically
+from egophys_core.twin.graph import SpringGraph
+from egophys_core.twin.model import ObjectKind, ObjectModel
+from egophys_core.twin.parameters import PhysicalParameters
+from egophys_core.twin.twin import Provenance, Twin
+
+FORMAT_VERSION = 1
+"""Raised when a reader of the previous version would misread the file."""
+
+
+def encode_twin(twin: Twin) -> bytes:
+    """The twin's file content; equal twins give equal bytes."""
+    header = json.dumps({"format_version": FORMAT_VERSION, **twin.header()}, sort_keys=True)
+    stream = io.BytesIO()
+    np.savez(stream, header=np.frombuffer(header.encode(), dtype=np.uint8), **twin.arrays())
+    return stream.getvalue()
+
+
+def decode_twin(content: bytes, *, name: str) -> Twin:
+    """The twin in a file's content.
+
+    Raises:
+        TwinError: not a twin, cut, of a newer format, or inconsistent; `name` says which file.
+    """
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            arrays = {key: archive[key] for key in archive.files}
+        header: dict[str, Any] = json.loads(arrays.pop("header").tobytes())
+        version = header["format_version"]
+    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, json.JSONDecodeError) as error:
+        raise TwinError(f"{name} is not a twin file, or it is cut ({error}); build it again with egophys build") from error
+    if version != FORMAT_VERSION:
+        raise TwinError(f"{name} has twin format {version}, this version reads {FORMAT_VERSION}; build it again")
+    try:
+        stiffness, grasp = arrays.pop("stiffness"), arrays.pop("grasp")
+        provenance = header["provenance"]
+        return Twin(
+            model=ObjectModel(
+                kind=ObjectKind(header["kind"]),
+                graph=SpringGraph(**arrays),
+                parameters=PhysicalParameters(**header["parameters"]),
+                stiffness=stiffness,
+            ),
+            grasp=grasp,
+            ground_height=header["ground_height"],
+            provenance=Provenance(**{**provenance, "episodes": tuple(provenance["episodes"])}),
+        )
+    except (TypeError, KeyError, ValueError) as error:
+        raise TwinError(f"{name} lacks or has unknown twin fields ({error}); build it again") from error
+
+
+def save_twin(twin: Twin, path: Path) -> None:
+    """Write a twin to `path` atomically.
+
+    Raises:
+        TwinError: the folder does not exist or cannot be written.
+    """
+    try:
+        write_atomically(path, encode_twin(twin))
+    except OSError as error:
+        raise TwinError(f"cannot write twin {path}: {error.strerror}; check that its folder exists") from error
+
+
+def load_twin(path: Path) -> Twin:
+    """Read a twin from `path`.
+
+    Raises:
+        TwinError: absent, unreadable, not a twin, cut or of another format.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise TwinError(f"cannot read twin {path}: {error.strerror}") from error
+    return decode_twin(content, name=str(path))

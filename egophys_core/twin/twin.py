@@ -1,0 +1,69 @@
+"""Twin: the model of an object, and where it came from."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from egophys_core.errors import TwinError
+from egophys_core.twin.graph import SpringGraph
+from egophys_core.twin.model import ObjectModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class Provenance:
+    """What made a twin; enough to make it again."""
+
+    episodes: tuple[dict[str, str], ...]
+    """Per training episode: name and sha256 of its points."""
+    settings: dict[str, Any]
+    """The options of the fit, as in a YAML file."""
+    seed: int
+    code_version: str
+    parent_id: str = ""
+    """Twin this one was derived from; empty for a first fit."""
+    scores: dict[str, float]
+    """train/test errors in metres on the first training episode, by the names of `evaluation.Scores`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Twin:
+    """The physical twin of one object: a model to simulate, and where it came from."""
+
+    model: ObjectModel
+    grasp: np.ndarray
+    """[C, 3] float32, metres, world: controller points of the first hand when it took hold of the object
+    at rest; a planner grasps there unless told otherwise. [0, 3] if no hand ever did."""
+    ground_height: float
+    """World z of the table in the first training episode, metres."""
+    provenance: Provenance
+
+    def __post_init__(self) -> None:
+        if self.grasp.ndim != 2 or self.grasp.shape[1] != 3:
+            raise TwinError(f"twin grasp must be [C, 3] in metres, got {self.grasp.shape}")
+
+    @cached_property
+    def twin_id(self) -> str:
+        """First 16 hexadecimal digits of the SHA-256 of all that the twin is; equal twins have equal ids."""
+        digest = hashlib.sha256()
+        for array in self.arrays().values():
+            digest.update(np.ascontiguousarray(array).tobytes())
+        digest.update(json.dumps(self.header(), sort_keys=True).encode())
+        return digest.hexdigest()[:16]
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays of the twin by name, in a fixed order."""
+        graph = {field.name: getattr(self.model.graph, field.name) for field in fields(SpringGraph)}
+        return {**graph, "stiffness": self.model.stiffness, "grasp": self.grasp}
+
+    def header(self) -> dict[str, Any]:
+        """All that is not an array, as JSON types."""
+        return {
+            "kind": str(self.model.kind),
+            "parameters": asdict(self.model.parameters),
+            "ground_height": self.ground_height,
+            "provenance": asdict(self.provenance),
+        }

@@ -70,6 +70,8 @@ def _convert(name: str, value: Any, default: Any) -> Any:
             return value
     elif kind is float and isinstance(value, int | float):
         return float(value)
+    elif kind is tuple and isinstance(value, list | tuple) and len(value) == len(default):
+        return tuple(_convert(f"{name}[{index}]", each, default[index]) for index, each in enumerate(value))
     elif isinstance(value, kind):
         return value
     raise OptionsError(f"{name} must be of type {kind.__name__}, got {value!r}")

@@ -1,6 +1,6 @@
 """Errors of a predicted motion, and the predictions without physics to compare with."""
 
-from egophys_core.evaluation.baselines import rigid_follow_prediction, static_prediction
+from egophys_core.evaluation.baselines import baseline_scores, rigid_follow_prediction, static_prediction
 from egophys_core.evaluation.metrics import (
     bind_tracks,
     chamfer_per_frame,
@@ -12,6 +12,7 @@ from egophys_core.evaluation.scores import Scores, score
 
 __all__ = [
     "Scores",
+    "baseline_scores",
     "bind_tracks",
     "chamfer_per_frame",
     "rigid_follow_prediction",

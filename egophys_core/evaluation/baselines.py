@@ -1,9 +1,32 @@
 """What a twin must beat: predictions without physics."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.episode import Episode
+from egophys_core.evaluation.scores import Scores, score
+
+
+def baseline_scores(episode: Episode, hold: np.ndarray) -> dict[str, Scores]:
+    """Errors of both predictions, by name; train errors of the first are blank, as it copies those frames.
+
+    Args:
+        hold: [T, C] bool, where a controller point holds the object.
+    """
+    predictions = {
+        "last observed shape stays": static_prediction(episode),
+        "moves with nearest controller": rigid_follow_prediction(episode, hold),
+    }
+    scores = {}
+    for name, prediction in predictions.items():
+        seen = np.isfinite(prediction[0]).all(axis=1)
+        scores[name] = score(prediction, seen, episode)
+    copied = "last observed shape stays"
+    blank = dict.fromkeys(("train_chamfer_m", "train_track_m", "all_chamfer_m", "all_track_m"), float("nan"))
+    scores[copied] = replace(scores[copied], **blank)
+    return scores
 
 
 def static_prediction(episode: Episode) -> np.ndarray:

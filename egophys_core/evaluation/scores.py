@@ -5,7 +5,12 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.evaluation.metrics import bind_tracks, chamfer_per_frame, split_frames, track_error_per_frame
+from egophys_core.evaluation.metrics import (
+    bind_tracks,
+    chamfer_per_frame,
+    split_frames,
+    track_error_per_frame,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

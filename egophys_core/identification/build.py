@@ -45,9 +45,7 @@ def build_twin(
     if not episodes:
         raise EpisodeError("no episode given; a twin is built from at least one")
     progress("prepare", 0.0, float("nan"))
-    shape = rest_shape(
-        episodes[0], find_hands(episodes[0]), max_nodes=options.max_nodes, kind=options.kind.kind
-    )
+    shape = rest_shape(episodes[0], find_hands(episodes[0]), max_nodes=options.max_nodes, kind=options.kind.kind)
     problems = [prepare(episode, shape.positions, shape.surface, spacing=shape.spacing) for episode in episodes]
     coarse = fit_coarse(
         problems,

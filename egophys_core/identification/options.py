@@ -29,7 +29,7 @@ class FitOptions:
     step_size: float = number(0.2, low=0.01, high=1.0, doc="initial step of CMA-ES in normalised coordinates")
     frame_stride: int = number(2, low=1, high=30, doc="every how many-th train frame the loss looks at")
     max_nodes: int = number(400, low=4, high=5000, doc="most surface nodes of the graph")
-    kind: KindChoice = choice(KindChoice.AUTO, doc="sheet, solid, or auto to tell by the shape")
+    kind: KindChoice = choice(KindChoice.AUTO, doc="sheet, solid, or auto to tell by the shape")  # noqa: RUF009
 
     def __post_init__(self) -> None:
         validate(self)

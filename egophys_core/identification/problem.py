@@ -73,7 +73,5 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
         hands=hands,
         start=start,
         bound=bind_tracks(episode.points[0], start[surface]),
-        controls=Controls(
-            times=episode.times, positions=episode.controllers, hold=hold_flags(episode, hands)
-        ),
+        controls=Controls(times=episode.times, positions=episode.controllers, hold=hold_flags(episode, hands)),
     )

@@ -32,9 +32,7 @@ class RestShape:
     the points are a grid or strewn at random."""
 
 
-def rest_shape(
-    episode: Episode, hands: Sequence[Hand], *, max_nodes: int, kind: ObjectKind | None = None
-) -> RestShape:
+def rest_shape(episode: Episode, hands: Sequence[Hand], *, max_nodes: int, kind: ObjectKind | None = None) -> RestShape:
     """Average the observed points over the frames before contact and choose nodes among them.
 
     Args:
@@ -55,9 +53,7 @@ def rest_shape(
     neighbours = min(5, len(points))
     spacing = float(np.median(cKDTree(points).query(points, k=neighbours)[0][:, -1]))
     kind = kind or _guess_kind(points)
-    inside = (
-        _fill(points, spacing, episode.ground_height) if kind == ObjectKind.SOLID else np.zeros((0, 3))
-    )
+    inside = _fill(points, spacing, episode.ground_height) if kind == ObjectKind.SOLID else np.zeros((0, 3))
     return RestShape(
         positions=np.concatenate([points, inside]).astype(np.float32),
         surface=np.arange(len(points) + len(inside)) < len(points),

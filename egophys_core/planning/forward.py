@@ -35,6 +35,11 @@ def final_shapes(twin: Twin, result: Rollout) -> np.ndarray:
     return result.positions[:, -1][:, twin.model.graph.surface]
 
 
+def twin_costs(twin: Twin, plans: Sequence[WaypointPlan], target: np.ndarray) -> np.ndarray:
+    """[K] metres: what the plans cost for a target shape [P, 3], by `shape_costs` of the rolled-out ends."""
+    return shape_costs(final_shapes(twin, rollout_plans(twin, plans)), target)
+
+
 def shape_costs(shapes: np.ndarray, target: np.ndarray) -> np.ndarray:
     """[K] metres: two-way Chamfer distance of shapes [K, S, 3] to a target [P, 3]; infinite if not finite.
 
@@ -43,6 +48,4 @@ def shape_costs(shapes: np.ndarray, target: np.ndarray) -> np.ndarray:
     """
     if target.ndim != 2 or target.shape[1] != 3 or len(target) == 0 or not np.isfinite(target).all():
         raise PlanningError(f"the target must be [P, 3] finite points in metres, got shape {target.shape}")
-    return np.array(
-        [two_way_chamfer(shape, target) if np.isfinite(shape).all() else np.inf for shape in shapes]
-    )
+    return np.array([two_way_chamfer(shape, target) if np.isfinite(shape).all() else np.inf for shape in shapes])

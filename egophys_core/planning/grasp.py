@@ -44,9 +44,7 @@ def grasp_from_points(points: np.ndarray) -> Grasp:
     if len(points) == 0:
         raise PlanningError("the twin has no grasp: no hand took hold in its episodes; build it from one where it does")
     position = points.astype(np.float64).mean(axis=0)
-    return Grasp(
-        position=position, controllers=Rotation.from_quat(POINTING_DOWN).inv().apply(points - position)
-    )
+    return Grasp(position=position, controllers=Rotation.from_quat(POINTING_DOWN).inv().apply(points - position))
 
 
 def controls_of_plan(plan: WaypointPlan, grasp: Grasp) -> Controls:

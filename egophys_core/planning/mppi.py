@@ -95,14 +95,20 @@ def _plan(steps: np.ndarray, grasp: Grasp, options: PlanOptions, twin_id: str) -
     path = grasp.position + np.cumsum(steps, axis=0)
     above = grasp.position + [0.0, 0.0, options.approach_m]
     closed_at = options.approach_s + options.grip_s
-    times = [0.0, options.approach_s, closed_at, *(closed_at + options.segment_s * np.arange(1, len(steps) + 1))]
+    times = [
+        0.0,
+        options.approach_s,
+        closed_at,
+        *(closed_at + options.segment_s * np.arange(1, len(steps) + 1)),
+    ]
     positions = [above, grasp.position, grasp.position, *path]
     if options.settle_s > 0:
         times, positions = [*times, times[-1] + options.settle_s], [*positions, path[-1]]
     opening = np.zeros(len(times))
     opening[0] = OPEN
     return WaypointPlan(
-        times=np.array(times),
+        # Whole nanoseconds, as messages carry them, so that a plan is the same before and after sending.
+        times=np.rint(np.array(times) * 1e9) / 1e9,
         positions=np.array(positions),
         quaternions=np.repeat(POINTING_DOWN[None], len(times), axis=0),
         gripper_opening=opening,

@@ -1,6 +1,7 @@
 """WaypointPlan: where the tool goes, when, and how far the gripper is open."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -40,3 +41,15 @@ class WaypointPlan:
         ):
             if np.shape(array) != shape:
                 raise PlanningError(f"plan {label} must be {shape} for {count} waypoints, got {np.shape(array)}")
+
+
+def plan_to_json(plan: WaypointPlan) -> dict[str, Any]:
+    """The plan as JSON types, units in the names."""
+    return {
+        "times_s": plan.times.tolist(),
+        "positions_m": plan.positions.tolist(),
+        "quaternions_xyzw": plan.quaternions.tolist(),
+        "gripper_opening_m": plan.gripper_opening.tolist(),
+        "twin_id": plan.twin_id,
+        "predicted_cost_m": plan.predicted_cost,
+    }

@@ -15,6 +15,7 @@ from egophys_core.recording.message_definitions import (
     definition_from_folder,
     jazzy_types,
     standard_definition,
+    types_of_topics,
 )
 from egophys_core.recording.point_tracks import EpisodeWarning
 from egophys_core.recording.pointcloud import (
@@ -56,5 +57,6 @@ __all__ = [
     "read_episode",
     "read_records",
     "standard_definition",
+    "types_of_topics",
     "write_episode",
 ]

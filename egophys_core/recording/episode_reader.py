@@ -94,9 +94,7 @@ def decode_episode(
             frames[record.topic].append(_decode(record, name, frame))
     for topic, messages in frames.items():
         if not messages:
-            raise EpisodeError(
-                f"{name}: no messages on {topic}; record it, or name the topic that has the points"
-            )
+            raise EpisodeError(f"{name}: no messages on {topic}; record it, or name the topic that has the points")
 
     objects, controllers = pair_by_stamp(
         order_by_stamp(frames[object_topic], f"{name} {object_topic}"),
@@ -133,9 +131,7 @@ def decode_episode(
 def _decode(record: Record, name: str, frame: str) -> PointFrame:
     source = f"{name} {record.topic} at log time {record.log_time_ns} ns"
     if record.type != POINTCLOUD2:
-        raise RecordingError(
-            f"{name}: {record.topic} is {record.type or 'of no named type'}, needed is {POINTCLOUD2}"
-        )
+        raise RecordingError(f"{name}: {record.topic} is {record.type or 'of no named type'}, needed is {POINTCLOUD2}")
     message = decode_points(record.cdr, source=source)
     if message.frame_id != frame:
         raise EpisodeError(

@@ -36,9 +36,7 @@ class LogWriter:
     Used as a context manager it is closed also when the block fails: what was recorded until then is kept.
     """
 
-    def __init__(
-        self, folder: Path | str, *, flush_interval_s: float = 1.0, chunk_bytes: int = 1024 * 1024
-    ) -> None:
+    def __init__(self, folder: Path | str, *, flush_interval_s: float = 1.0, chunk_bytes: int = 1024 * 1024) -> None:
         """Create the folder, with a valid empty bag in it.
 
         Args:
@@ -99,17 +97,13 @@ class LogWriter:
         """
         self._require_open()
         if name in self._topics:
-            raise RecordingError(
-                f"{self.folder}: topic {name} was declared before, as {self._topics[name].type}"
-            )
+            raise RecordingError(f"{self.folder}: topic {name} was declared before, as {self._topics[name].type}")
         definition = definition or standard_definition(type_name)
         if definition.type != type_name:
             raise RecordingError(f"{name} is {type_name}, but the definition given is of {definition.type}")
         topic = BagTopic(name=name, type=type_name, type_hash=definition.type_hash, qos=qos or TopicQos())
         if type_name not in self._schemas:
-            self._schemas[type_name] = self._writer.register_schema(
-                type_name, "ros2msg", definition.text.encode()
-            )
+            self._schemas[type_name] = self._writer.register_schema(type_name, "ros2msg", definition.text.encode())
         self._channels[name] = self._writer.register_channel(
             name,
             "cdr",
@@ -220,6 +214,4 @@ class LogWriter:
             raise RecordingError(f"{self.folder}: the log is closed")
 
     def _unwritable(self, error: OSError) -> RecordingError:
-        return RecordingError(
-            f"{self.folder}: cannot write the log: {error.strerror or error}; free space or rights?"
-        )
+        return RecordingError(f"{self.folder}: cannot write the log: {error.strerror or error}; free space or rights?")

@@ -78,7 +78,7 @@ class _DataSection:
         self._path = path
         self._topics = topics
         self._wanted = wanted
-        self._schemas: dict[int, str] = {}
+        self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
 
     def records(self, offset: int, opcode: int, length: int, payload: bytes) -> Iterator[Record]:
@@ -145,9 +145,7 @@ class _DataSection:
             channel_id, _, log_time, _ = _MESSAGE_HEAD.unpack_from(payload)
             channel = self._channels.get(channel_id)
             if channel is None:
-                raise DamagedFileError(
-                    self._path, offset, f"a message of channel {channel_id}, which is not declared"
-                )
+                raise DamagedFileError(self._path, offset, f"a message of channel {channel_id}, which is not declared")
             self._topics.count(channel.topic)
             if self._wanted is None or channel.topic in self._wanted:
                 if channel.message_encoding != "cdr":
@@ -157,33 +155,35 @@ class _DataSection:
                     )
                 yield Record(
                     topic=channel.topic,
-                    type=self._schemas.get(channel.schema_id, ""),
+                    type=self._type_of(channel),
                     log_time_ns=log_time,
                     cdr=payload[_MESSAGE_HEAD.size :],
                 )
         elif opcode == Opcode.SCHEMA:
             schema = self._parse(offset, payload, Schema.read)
-            self._schemas[schema.id] = schema.name
+            self._schemas[schema.id] = schema
         elif opcode == Opcode.CHANNEL:
             channel = self._parse(offset, payload, Channel.read)
             self._channels[channel.id] = channel
-            self._topics.declare(channel.topic, self._schemas.get(channel.schema_id, ""))
+            described = self._schemas.get(channel.schema_id)
+            definition = described.data.decode(errors="replace") if described else ""
+            self._topics.declare(channel.topic, self._type_of(channel), definition)
         else:
             raise DamagedFileError(self._path, offset, f"unexpected record 0x{opcode:02x}")
+
+    def _type_of(self, channel: Channel) -> str:
+        schema = self._schemas.get(channel.schema_id)
+        return schema.name if schema else ""
 
     def _cut(self, offset: int, payload: bytes) -> DamagedFileError:
         return DamagedFileError(self._path, offset + _RECORD_HEAD.size + len(payload), "cut inside a record")
 
-    def _parse(
-        self, offset: int, payload: bytes, read: Callable[[ReadDataStream], _ParsedRecord]
-    ) -> _ParsedRecord:
+    def _parse(self, offset: int, payload: bytes, read: Callable[[ReadDataStream], _ParsedRecord]) -> _ParsedRecord:
         stream = ReadDataStream(BytesIO(payload))
         try:
             record = read(stream)
         except (McapError, struct.error, UnicodeDecodeError) as error:
-            raise DamagedFileError(
-                self._path, offset, f"damaged {read.__qualname__.split('.')[0]} record"
-            ) from error
+            raise DamagedFileError(self._path, offset, f"damaged {read.__qualname__.split('.')[0]} record") from error
         if stream.count != len(payload):
             raise DamagedFileError(self._path, offset, f"damaged {type(record).__name__} record")
         return record

@@ -1,6 +1,7 @@
 """ROS 2 message definitions as logs carry them: the text of the type and all it contains, and its hash."""
 
 import difflib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -9,6 +10,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from egophys_core.errors import RecordingError
+from egophys_core.recording.records import TopicInfo
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +61,24 @@ def definition_from_folder(type_name: str, *folders: Path) -> MessageDefinition:
                 raise RecordingError(f"{file}: not a readable message definition: {error}") from error
     where = ", ".join(str(folder) for folder in folders)
     return _definition(store, type_name, f"looked in {where}; is the package built and sourced?")
+
+
+def types_of_topics(topics: Iterable[TopicInfo]) -> Typestore:
+    """The standard messages and those that a bag's topics define, to decode its records with.
+
+    Raises:
+        RecordingError: a definition in the bag is not readable.
+    """
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for topic in topics:
+        if topic.type in store.fielddefs or not topic.definition:
+            continue
+        try:
+            found = get_types_from_msg(topic.definition, topic.type)
+        except TypesysError as error:
+            raise RecordingError(f"{topic.name}: its definition of {topic.type} is not readable: {error}") from error
+        store.register({name: fields for name, fields in found.items() if name not in store.fielddefs})
+    return store
 
 
 def _definition(store: Typestore, type_name: str, advice: str) -> MessageDefinition:

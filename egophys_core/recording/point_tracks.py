@@ -21,16 +21,11 @@ def order_by_stamp(frames: Sequence[PointFrame], label: str) -> list[PointFrame]
     stamps = [frame.stamp_ns for frame in frames]
     backwards = sum(later < earlier for earlier, later in pairwise(stamps))
     if backwards:
-        _warn(
-            f"{label}: {backwards} of {len(frames)} messages are stamped before their predecessor; "
-            "sorted by stamp"
-        )
+        _warn(f"{label}: {backwards} of {len(frames)} messages are stamped before their predecessor; sorted by stamp")
     last_of_stamp = dict(zip(stamps, frames, strict=True))
     repeated = len(frames) - len(last_of_stamp)
     if repeated:
-        _warn(
-            f"{label}: {repeated} of {len(frames)} messages repeat a header stamp; the last of each is kept"
-        )
+        _warn(f"{label}: {repeated} of {len(frames)} messages repeat a header stamp; the last of each is kept")
     return [last_of_stamp[stamp] for stamp in sorted(last_of_stamp)]
 
 
@@ -88,9 +83,7 @@ def stack_by_id(frames: Sequence[PointFrame], label: str) -> tuple[np.ndarray, n
     broken = sum(int(np.count_nonzero(~mask)) for mask in finite)
     if broken:
         _warn(f"{label}: {broken} points with NaN or infinite coordinates count as not seen")
-    ids = np.unique(
-        np.concatenate([f.ids[mask] for f, mask in zip(frames, seen, strict=True)], dtype=np.uint32)
-    )
+    ids = np.unique(np.concatenate([f.ids[mask] for f, mask in zip(frames, seen, strict=True)], dtype=np.uint32))
     positions = np.full((len(frames), len(ids), 3), np.nan, np.float32)
     confidence = np.zeros((len(frames), len(ids)), np.float32)
     repeated = 0
@@ -138,9 +131,7 @@ def fill_short_gaps(
         kept.append(column)
         missing = np.setdiff1d(np.arange(len(times)), seen)
         for axis in range(3):
-            filled[missing, column, axis] = np.interp(
-                times[missing], times[seen], positions[seen, column, axis]
-            )
+            filled[missing, column, axis] = np.interp(times[missing], times[seen], positions[seen, column, axis])
     return ids[kept], filled[:, kept]
 
 

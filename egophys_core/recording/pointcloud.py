@@ -110,9 +110,7 @@ def points_of_message(message: Any, *, source: str) -> PointFrame:
         ids=ids.astype(np.uint32),
         xyz=np.stack([table["x"], table["y"], table["z"]], axis=1).astype(np.float32),
         confidence=(
-            table["confidence"].astype(np.float32)
-            if "confidence" in names
-            else np.ones(len(table), np.float32)
+            table["confidence"].astype(np.float32) if "confidence" in names else np.ones(len(table), np.float32)
         ),
     )
 
@@ -130,8 +128,7 @@ def pack_points(xyz: np.ndarray, ids: np.ndarray, confidence: np.ndarray) -> byt
     """
     if xyz.ndim != 2 or xyz.shape[1] != 3 or ids.shape != xyz.shape[:1] or confidence.shape != xyz.shape[:1]:
         raise RecordingError(
-            "points must be xyz [P, 3], ids [P], confidence [P]; got "
-            f"{xyz.shape}, {ids.shape}, {confidence.shape}"
+            f"points must be xyz [P, 3], ids [P], confidence [P]; got {xyz.shape}, {ids.shape}, {confidence.shape}"
         )
     table = np.empty(len(xyz), POINT_DTYPE)
     table["x"], table["y"], table["z"] = xyz.T
@@ -140,9 +137,7 @@ def pack_points(xyz: np.ndarray, ids: np.ndarray, confidence: np.ndarray) -> byt
     return table.tobytes()
 
 
-def encode_points(
-    *, stamp_ns: int, frame_id: str, xyz: np.ndarray, ids: np.ndarray, confidence: np.ndarray
-) -> bytes:
+def encode_points(*, stamp_ns: int, frame_id: str, xyz: np.ndarray, ids: np.ndarray, confidence: np.ndarray) -> bytes:
     """Serialize points as a PointCloud2 in this project's layout (`POINT_FIELDS`).
 
     Args:

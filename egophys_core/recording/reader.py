@@ -66,9 +66,7 @@ def _read(path: Path, table: TopicTable, wanted: Collection[str] | None) -> Iter
                 unread.append(damage)
                 continue
             what_was_read = f"the {table.total - before} messages before it were read"
-            warnings.warn(
-                CutRecordingWarning(damage.path, damage.offset, damage.reason, what_was_read), stacklevel=3
-            )
+            warnings.warn(CutRecordingWarning(damage.path, damage.offset, damage.reason, what_was_read), stacklevel=3)
         except OSError as error:
             raise RecordingError(f"{file}: cannot be read: {error.strerror or error}") from error
     if unread and table.total == 0:
@@ -138,9 +136,7 @@ def _listed_files(folder: Path) -> list[Path]:
         )
     missing = [file.name for file in files if not file.is_file()]
     if missing:
-        raise RecordingError(
-            f"{folder}: {METADATA_NAME} lists {', '.join(missing)}, not in the folder; copy it again"
-        )
+        raise RecordingError(f"{folder}: {METADATA_NAME} lists {', '.join(missing)}, not in the folder; copy it again")
     return files
 
 

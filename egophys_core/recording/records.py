@@ -2,7 +2,7 @@
 
 import difflib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from egophys_core.errors import RecordingError
@@ -29,6 +29,8 @@ class TopicInfo:
     name: str
     type: str
     messages: int
+    definition: str = field(default="", compare=False)
+    """Text of the message type as the bag carries it (`ros2msg`); empty where it carries none."""
 
 
 class CutRecordingWarning(UserWarning):
@@ -64,11 +66,13 @@ class TopicTable:
     def __init__(self) -> None:
         self._types: dict[str, str] = {}
         self._messages: dict[str, int] = {}
+        self._definitions: dict[str, str] = {}
 
-    def declare(self, name: str, type_name: str) -> None:
+    def declare(self, name: str, type_name: str, definition: str = "") -> None:
         """Note that the bag has this topic, even if no message of it follows."""
         self._types.setdefault(name, type_name)
         self._messages.setdefault(name, 0)
+        self._definitions.setdefault(name, definition)
 
     def count(self, name: str) -> None:
         """Note one readable message of a declared topic."""
@@ -82,7 +86,12 @@ class TopicTable:
     def topics(self) -> list[TopicInfo]:
         """All topics with type and message count."""
         return [
-            TopicInfo(name=name, type=type_name, messages=self._messages[name])
+            TopicInfo(
+                name=name,
+                type=type_name,
+                messages=self._messages[name],
+                definition=self._definitions[name],
+            )
             for name, type_name in self._types.items()
         ]
 

@@ -32,13 +32,9 @@ def read_sqlite(path: Path, topics: TopicTable, wanted: Collection[str] | None) 
     names: dict[int, tuple[str, str, str]] = {}
     try:
         with closing(sqlite3.connect(uri, uri=True)) as database:
-            tables = {
-                name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")
-            }
+            tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
             if not {"topics", "messages"} <= tables:
-                raise RecordingError(
-                    f"{path}: a database, but not a rosbag2 one; it has the tables {sorted(tables)}"
-                )
+                raise RecordingError(f"{path}: a database, but not a rosbag2 one; it has the tables {sorted(tables)}")
             for number, name, type_name, encoding in database.execute(
                 "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
             ):
@@ -48,9 +44,7 @@ def read_sqlite(path: Path, topics: TopicTable, wanted: Collection[str] | None) 
                 "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
             ):
                 if number not in names or not isinstance(log_time, int) or not isinstance(data, bytes):
-                    raise DamagedFileError(
-                        path, None, f"the database is damaged: a message of topic number {number!r}"
-                    )
+                    raise DamagedFileError(path, None, f"the database is damaged: a message of topic number {number!r}")
                 name, type_name, encoding = names[number]
                 topics.count(name)
                 if wanted is None or name in wanted:

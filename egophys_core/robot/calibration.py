@@ -96,7 +96,7 @@ def fit_world_to_base(world_points: np.ndarray, base_points: np.ndarray) -> FitR
         if spread < SMALLEST_TRIANGLE_M:
             raise RobotError(
                 f"the {label} points lie within {spread * 1000:.1f} mm of one line, so the rotation about it "
-                f"is unknown; touch points that span a triangle of at least {SMALLEST_TRIANGLE_M * 1000:.0f} mm"
+                f"is unknown; touch points that span at least {SMALLEST_TRIANGLE_M * 1000:.0f} mm"
             )
     rotation = Rotation.align_vectors(base - base_centre, world - world_centre)[0].as_matrix()
     world_to_base = Transform(rotation=rotation, translation=base_centre - rotation @ world_centre)

@@ -1,15 +1,16 @@
 """What the arm may be asked to do; a plan is judged as a whole before anything moves."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from egophys_core.errors import RobotError
+from egophys_core.errors import OptionsError, RobotError
+from egophys_core.options import from_mapping, number, validate
 from egophys_core.planning.plan import WaypointPlan
 from egophys_core.robot.frames import Transform
-from egophys_core.robot.yaml_mapping import check_keys, load_mapping, number_array
+from egophys_core.robot.yaml_mapping import load_mapping, number_array
 
 UNIT_QUATERNION_TOLERANCE = 1e-3
 """How far a waypoint quaternion's length may be from 1; float32 messages pass, wrong orders do not."""
@@ -20,46 +21,60 @@ SPEED_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class MotionLimits:
-    """Workspace box and motion limits of the tool point. The box is in the robot base frame."""
+    """Workspace box and motion limits of the tool point. The box is in the robot base frame.
 
-    workspace_min_m: tuple[float, float, float]
-    """Lowest x, y, z of the tool point in the base frame, metres."""
-    workspace_max_m: tuple[float, float, float]
-    """Highest x, y, z of the tool point in the base frame, metres."""
-    max_speed_m_s: float = 0.25
-    """Speed of the tool point; 0.25 m/s is the reduced speed of ISO 10218-1, 5.6."""
-    max_acceleration_m_s2: float = 5.0
-    """Change of velocity between neighbouring segments, rest included at both ends, over their mean time."""
-    max_angular_speed_rad_s: float = 1.0
-    """Rotation speed of the tool; the xArm's joints do pi rad/s."""
-    min_interval_s: float = 0.02
-    """Shortest time between waypoints; the controller is streamed to every 0.01 s."""
-    max_gripper_opening_m: float = 0.085
-    """Stroke of the xArm gripper."""
+    Raises:
+        OptionsError: a value is out of range, or the box is empty.
+    """
+
+    workspace_min_m: tuple[float, float, float] = field(
+        default=(0.2, -0.4, 0.0),
+        metadata={"doc": "lowest x, y, z of the tool point in the robot base frame, metres"},
+    )
+    workspace_max_m: tuple[float, float, float] = field(
+        default=(0.65, 0.4, 0.5),
+        metadata={"doc": "highest x, y, z of the tool point in the robot base frame, metres"},
+    )
+    max_speed_m_s: float = number(
+        0.25, low=0.005, high=0.5, doc="tool point speed; 0.25 is the reduced speed of ISO 10218-1"
+    )
+    max_acceleration_m_s2: float = number(
+        5.0,
+        low=0.05,
+        high=20.0,
+        doc="change of velocity between segments (rest at both ends) over their mean time",
+    )
+    max_angular_speed_rad_s: float = number(1.0, low=0.05, high=3.0, doc="rotation speed of the tool")
+    min_interval_s: float = number(0.02, low=0.01, high=10.0, doc="shortest time between waypoints")
+    max_gripper_opening_m: float = number(
+        0.085, low=0.001, high=0.2, doc="stroke of the gripper; the xArm gripper's is 0.085"
+    )
 
     def __post_init__(self) -> None:
-        for name in ("workspace_min_m", "workspace_max_m"):
-            corner = number_array(getattr(self, name), name, 3)
-            object.__setattr__(self, name, tuple(corner.tolist()))
+        validate(self)
+        corners = self.workspace_min_m + self.workspace_max_m
+        if len(corners) != 6 or not np.isfinite(corners).all():
+            raise OptionsError(
+                f"workspace corners must be 3 finite numbers each, got {self.workspace_min_m} "
+                f"and {self.workspace_max_m}"
+            )
         for axis, low, high in zip("xyz", self.workspace_min_m, self.workspace_max_m, strict=True):
             if not low < high:
-                raise RobotError(f"workspace is empty along {axis}: from {low} m to {high} m; swap or widen them")
-        for item in fields(self)[2:]:
-            value = getattr(self, item.name)
-            if not isinstance(value, int | float) or not np.isfinite(value) or value <= 0:
-                raise RobotError(f"{item.name} must be a positive number, got {value!r}")
+                raise OptionsError(f"workspace is empty along {axis}: from {low} m to {high} m; swap or widen them")
 
     @classmethod
     def load(cls, path: Path) -> "MotionLimits":
-        """Read a YAML file whose keys are the fields of this class.
+        """Read a YAML file whose keys are fields of this class; those left out keep their defaults.
 
         Raises:
-            RobotError: unreadable, unknown or missing key, value out of range.
+            RobotError: the file cannot be read.
+            OptionsError: an unknown name (suggests the nearest), a wrong type, or out of range.
         """
         content = load_mapping(path)
-        names = [item.name for item in fields(cls)]
-        check_keys(content, str(path), required=names[:2], optional=names[2:])
-        return cls(**content)
+        for name in ("workspace_min_m", "workspace_max_m"):
+            if name in content:
+                content[name] = tuple(number_array(content[name], f"{path}: {name}", 3).tolist())
+        return from_mapping(cls, content)
 
     def outside(self, point: np.ndarray) -> str | None:
         """Why a point [3] (base frame, metres) is outside the box, or None when it is inside."""
@@ -106,8 +121,8 @@ def _check_numbers(plan: WaypointPlan, limits: MotionLimits) -> None:
     if wrong.any():
         index = int(np.argmax(wrong))
         raise RobotError(
-            f"{_name(plan, index)}: quaternion {plan.quaternions[index].tolist()} has length {lengths[index]:.4f}, "
-            "must be 1; normalise it (order x, y, z, w)"
+            f"{_name(plan, index)}: quaternion {plan.quaternions[index].tolist()} has length "
+            f"{lengths[index]:.4f}, must be 1; normalise it (order x, y, z, w)"
         )
     wrong = (plan.gripper_opening < 0) | (plan.gripper_opening > limits.max_gripper_opening_m)
     if wrong.any():

@@ -3,6 +3,7 @@
 import warp as wp
 
 from egophys_core.simulation.lanes import LANES, Lanes
+from egophys_core.simulation.state import ParameterArrays, StateArrays
 
 
 @wp.struct
@@ -40,8 +41,33 @@ def hermite_velocity(p0: Lanes, p1: Lanes, v0: Lanes, v1: Lanes, share: Lanes, d
         t = share[lane]
         chord = (p1[lane] - p0[lane]) / duration[lane]
         value[lane] = (
-            6.0 * t * (1.0 - t) * chord
-            + (1.0 - t) * (1.0 - 3.0 * t) * v0[lane]
-            + t * (3.0 * t - 2.0) * v1[lane]
+            6.0 * t * (1.0 - t) * chord + (1.0 - t) * (1.0 - 3.0 * t) * v0[lane] + t * (3.0 * t - 2.0) * v1[lane]
         )
     return value
+
+
+@wp.func
+def move_controllers(
+    group: int,
+    first: int,
+    last: int,
+    substep: int,
+    state: StateArrays,
+    controllers: ControllerArrays,
+    parameters: ParameterArrays,
+):
+    """Put controller points first..last-1 where their recorded motion is at the end of the substep."""
+    duration = parameters.frame_duration[group]
+    substeps = parameters.substeps[group]
+    share = Lanes()
+    for lane in range(LANES):
+        share[lane] = wp.min(1.0, float(substep + 1) / substeps[lane])
+    for controller in range(first, last):
+        node = state.node_count + controller
+        for axis in range(3):
+            p0 = controllers.start_positions[group, controller, axis]
+            p1 = controllers.end_positions[group, controller, axis]
+            v0 = controllers.start_velocities[group, controller, axis]
+            v1 = controllers.end_velocities[group, controller, axis]
+            state.positions[group, node, axis] = hermite(p0, p1, v0, v1, share, duration)
+            state.velocities[group, node, axis] = hermite_velocity(p0, p1, v0, v1, share, duration)

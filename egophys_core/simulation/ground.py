@@ -3,6 +3,7 @@
 import warp as wp
 
 from egophys_core.simulation.lanes import LANES, Lanes
+from egophys_core.simulation.state import ParameterArrays, StateArrays
 
 # Conditions are products of wp.step (1 where the argument is negative) instead of branches, which would keep
 # the compiler from working on all lanes at once.
@@ -12,22 +13,28 @@ SMALLEST_SPEED = 1.0e-9
 
 
 @wp.func
-def project_upward_force(fz: Lanes, height: Lanes, threshold: Lanes, projection: Lanes) -> Lanes:
-    """Net upward force that is left within the contact band, N (paper, ground-projection equation).
+def project_upward_forces(group: int, first: int, last: int, state: StateArrays, parameters: ParameterArrays):
+    """Take upward net force from nodes first..last-1 in the contact band (paper, ground-projection equation).
 
     F' = F - alpha_g max(0, F.n) n for a node whose height above contact is in [0, threshold), n = +z.
     """
-    left = Lanes()
-    for lane in range(LANES):
-        inside = (1.0 - wp.step(height[lane])) * wp.step(height[lane] - threshold[lane])
-        left[lane] = fz[lane] - inside * projection[lane] * wp.max(fz[lane], 0.0)
-    return left
+    positions = state.positions
+    forces = state.forces
+    contact_height = parameters.contact_height[group]
+    threshold = parameters.contact_threshold[group]
+    projection = parameters.ground_projection[group]
+    for node in range(first, last):
+        height = positions[group, node, 2] - contact_height
+        force = forces[group, node, 2]
+        left = Lanes()
+        for lane in range(LANES):
+            inside = (1.0 - wp.step(height[lane])) * wp.step(height[lane] - threshold[lane])
+            left[lane] = force[lane] - inside * projection[lane] * wp.max(force[lane], 0.0)
+        forces[group, node, 2] = left
 
 
 @wp.func
-def collide(
-    height: Lanes, vx: Lanes, vy: Lanes, vz: Lanes, dt: Lanes, restitution: Lanes, friction: Lanes
-):
+def collide(height: Lanes, vx: Lanes, vy: Lanes, vz: Lanes, dt: Lanes, restitution: Lanes, friction: Lanes):
     """Velocity after the table and the way moved up, for a node that would cross it within `dt`.
 
     The normal speed is reversed and scaled by the restitution e; the tangential velocity loses what Coulomb

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import warp as wp
@@ -16,6 +17,7 @@ from egophys_core.simulation.controllers import ControllerArrays
 from egophys_core.simulation.lanes import LANES, Lanes, group_count, pack, unpack
 from egophys_core.simulation.springs import UNLIMITED, SpringArrays
 from egophys_core.simulation.stability import largest_eigenvalue, stable_substeps
+from egophys_core.simulation.state import ParameterArrays, StateArrays
 
 MOST_SUBSTEPS = 5000
 """A frame that needs more is refused: the stiffness or damping is out of any physical range."""
@@ -43,9 +45,7 @@ class Rollout:
                 raise SimulationError(f"rollout {index}: {failure}")
 
 
-def rollout(
-    batch: RolloutBatch, *, device: str = "cpu", on_frame: Callable[[int, int], None] | None = None
-) -> Rollout:
+def rollout(batch: RolloutBatch, *, device: str = "cpu", on_frame: Callable[[int, int], None] | None = None) -> Rollout:
     """Advance all rollouts of a batch over the frames of their controls.
 
     On the CPU lane groups run on all cores; a rollout's numbers do not depend on the batch it is in.
@@ -65,7 +65,7 @@ def rollout(
     # Rollouts of similar stiffness share a lane group: it runs as many substeps as its stiffest one needs.
     order = np.argsort(batch.stiffness.max(axis=1, initial=0.0) / batch.masses.min(axis=1), kind="stable")
     bounds = np.linspace(0, groups, workers + 1).astype(int) * LANES
-    parts = [batch.part(order[first:last]) for first, last in zip(bounds[:-1], bounds[1:], strict=True)]
+    parts = [batch.part(order[first:last]) for first, last in pairwise(bounds)]
     callbacks = [on_frame, *[None] * (workers - 1)]
     with ThreadPoolExecutor(workers) as pool:
         results = list(pool.map(_run, parts, [device] * workers, callbacks))
@@ -136,10 +136,10 @@ def _run(batch: RolloutBatch, device: str, on_frame: Callable[[int, int], None] 
 
 def _launch_frame(
     substeps: int,
-    state: step.StateArrays,
+    state: StateArrays,
     springs: SpringArrays,
     controllers: ControllerArrays,
-    parameters: step.ParameterArrays,
+    parameters: ParameterArrays,
     device: str,
 ) -> None:
     groups = state.positions.shape[0]
@@ -153,39 +153,37 @@ def _launch_frame(
         return
     for substep in range(substeps):
         wp.launch(
-            step.advance_velocities,
+            step.gather_forces,
             dim=(groups, state.node_count),
-            inputs=[substep, state, springs, parameters],
+            inputs=[state, springs, parameters],
             device=device,
         )
         wp.launch(
-            step.advance_positions,
+            step.advance_substep,
             dim=(groups, state.node_count + state.controller_count),
             inputs=[substep, state, controllers, parameters],
             device=device,
         )
 
 
-def _initial_state(batch: RolloutBatch, controllers: np.ndarray, device: str) -> step.StateArrays:
+def _initial_state(batch: RolloutBatch, controllers: np.ndarray, device: str) -> StateArrays:
     points = np.concatenate([batch.positions, controllers], axis=1)
     speeds = np.concatenate([batch.velocities, np.zeros_like(controllers)], axis=1)
-    state = step.StateArrays()
+    state = StateArrays()
     state.positions = wp.array(pack(points), dtype=Lanes, device=device)
     state.velocities = wp.array(pack(speeds), dtype=Lanes, device=device)
-    state.next_velocities = wp.zeros(
-        (group_count(batch.count), batch.positions.shape[1], 3), dtype=Lanes, device=device
-    )
+    state.forces = wp.zeros((group_count(batch.count), batch.positions.shape[1], 3), dtype=Lanes, device=device)
     state.node_count = batch.positions.shape[1]
     state.controller_count = controllers.shape[1]
     return state
 
 
-def _parameters(batch: RolloutBatch, device: str) -> step.ParameterArrays:
+def _parameters(batch: RolloutBatch, device: str) -> ParameterArrays:
     def lanes(values: list[float]) -> wp.array:
         return wp.array(pack(np.array(values, np.float32)[:, None])[:, 0], dtype=Lanes, device=device)
 
-    arrays = step.ParameterArrays()
-    arrays.inverse_masses = wp.array(pack(1.0 / batch.masses), dtype=Lanes, device=device)
+    arrays = ParameterArrays()
+    arrays.masses = wp.array(pack(batch.masses), dtype=Lanes, device=device)
     for name in (
         "gravity",
         "drag",
@@ -246,7 +244,11 @@ def _springs(
     held_nodes, held_controllers, columns = _union(attachments, batch.controls[0].positions.shape[1])
     stiffness = np.zeros((batch.count, graph + len(held_nodes)), np.float32)
     damping, rest = np.zeros_like(stiffness), np.ones_like(stiffness)
-    stiffness[:, :graph], damping[:, :graph], rest[:, :graph] = batch.stiffness, batch.damping, batch.rest_lengths
+    stiffness[:, :graph], damping[:, :graph], rest[:, :graph] = (
+        batch.stiffness,
+        batch.damping,
+        batch.rest_lengths,
+    )
     for row, (held, column) in enumerate(zip(attachments, columns, strict=True)):
         stiffness[row, graph + column] = batch.parameters[row].controller_stiffness
         damping[row, graph + column] = batch.parameters[row].damping
@@ -275,9 +277,7 @@ def _springs(
     return arrays, rates
 
 
-def _union(
-    attachments: list[Attachments], controller_count: int
-) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+def _union(attachments: list[Attachments], controller_count: int) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
     """Node and controller of every pair held in any rollout, and where each rollout's pairs stand there."""
     codes = [held.nodes.astype(np.int64) * max(controller_count, 1) + held.controllers for held in attachments]
     union = np.unique(np.concatenate(codes))

@@ -3,6 +3,7 @@
 import warp as wp
 
 from egophys_core.simulation.lanes import LANES, Lanes
+from egophys_core.simulation.state import StateArrays
 
 SHORTEST_LENGTH = 1.0e-9
 """Metres. Guards the division by the length: below it the elastic force fades to 0 with the length."""
@@ -45,46 +46,50 @@ def elastic_coefficient(squared_length: Lanes, stiffness: Lanes, rest_length: La
 
 
 @wp.func
-def row_force(
+def add_spring_forces(
     group: int,
-    node: int,
-    positions: wp.array3d(dtype=Lanes),
-    velocities: wp.array3d(dtype=Lanes),
+    first: int,
+    last: int,
+    state: StateArrays,
     springs: SpringArrays,
-    strain_limit: Lanes,
+    strain_limits: wp.array(dtype=Lanes),
 ):
-    """Sum of k eta (l - l0) d - gamma (v_i - v_j) over the springs of a node, N: three components.
-
-    A function called once per node: called twice it is no longer inlined and the substep takes twice as long.
-    """
-    x = positions[group, node, 0]
-    y = positions[group, node, 1]
-    z = positions[group, node, 2]
-    vx = velocities[group, node, 0]
-    vy = velocities[group, node, 1]
-    vz = velocities[group, node, 2]
-    fx = Lanes()
-    fy = Lanes()
-    fz = Lanes()
+    """Add sum_j k eta (l - l0) d - gamma (v_i - v_j) to the forces on nodes first..last-1, N."""
+    positions = state.positions
+    velocities = state.velocities
+    forces = state.forces
     neighbours = springs.neighbours
     stiffness = springs.stiffness
     damping = springs.damping
     rest_lengths = springs.rest_lengths
     extra_strain = springs.extra_strain
-    for entry in range(springs.starts[node], springs.starts[node + 1]):
-        other = neighbours[entry]
-        dx = positions[group, other, 0] - x
-        dy = positions[group, other, 1] - y
-        dz = positions[group, other, 2] - z
-        squared_length = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz)
-        elastic = elastic_coefficient(
-            squared_length,
-            stiffness[group, entry],
-            rest_lengths[group, entry],
-            strain_limit + Lanes(extra_strain[entry]),
-        )
-        gamma = damping[group, entry]
-        fx += wp.cw_mul(elastic, dx) + wp.cw_mul(gamma, velocities[group, other, 0] - vx)
-        fy += wp.cw_mul(elastic, dy) + wp.cw_mul(gamma, velocities[group, other, 1] - vy)
-        fz += wp.cw_mul(elastic, dz) + wp.cw_mul(gamma, velocities[group, other, 2] - vz)
-    return fx, fy, fz
+    strain_limit = strain_limits[group]
+    for node in range(first, last):
+        x = positions[group, node, 0]
+        y = positions[group, node, 1]
+        z = positions[group, node, 2]
+        vx = velocities[group, node, 0]
+        vy = velocities[group, node, 1]
+        vz = velocities[group, node, 2]
+        fx = Lanes()
+        fy = Lanes()
+        fz = Lanes()
+        for entry in range(springs.starts[node], springs.starts[node + 1]):
+            other = neighbours[entry]
+            dx = positions[group, other, 0] - x
+            dy = positions[group, other, 1] - y
+            dz = positions[group, other, 2] - z
+            squared_length = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz)
+            elastic = elastic_coefficient(
+                squared_length,
+                stiffness[group, entry],
+                rest_lengths[group, entry],
+                strain_limit + Lanes(extra_strain[entry]),
+            )
+            gamma = damping[group, entry]
+            fx += wp.cw_mul(elastic, dx) + wp.cw_mul(gamma, velocities[group, other, 0] - vx)
+            fy += wp.cw_mul(elastic, dy) + wp.cw_mul(gamma, velocities[group, other, 1] - vy)
+            fz += wp.cw_mul(elastic, dz) + wp.cw_mul(gamma, velocities[group, other, 2] - vz)
+        forces[group, node, 0] += fx
+        forces[group, node, 1] += fy
+        forces[group, node, 2] += fz

@@ -58,9 +58,7 @@ class SpringGraph:
             )
 
 
-def connect(
-    positions: np.ndarray, *, radius: float, max_neighbours: int, inner_radius: float = 0.0
-) -> np.ndarray:
+def connect(positions: np.ndarray, *, radius: float, max_neighbours: int, inner_radius: float = 0.0) -> np.ndarray:
     """Springs between each node and its nearest nodes at a distance in (inner_radius, radius].
 
     Args:

@@ -39,7 +39,9 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
         header: dict[str, Any] = json.loads(arrays.pop("header").tobytes())
         version = header["format_version"]
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, json.JSONDecodeError) as error:
-        raise TwinError(f"{name} is not a twin file, or it is cut ({error}); build it again with egophys build") from error
+        raise TwinError(
+            f"{name} is not a twin file, or it is cut ({error}); build it again with egophys build"
+        ) from error
     if version != FORMAT_VERSION:
         raise TwinError(f"{name} has twin format {version}, this version reads {FORMAT_VERSION}; build it again")
     try:

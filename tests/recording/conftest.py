@@ -43,9 +43,7 @@ def write_mcap(
     """Write records with the mcap library, `per_chunk` messages a chunk."""
     definition = standard_definition(POINTCLOUD2).text.encode()
     with path.open("wb") as stream:
-        writer = Writer(
-            stream, compression=compression, use_chunking=use_chunking, enable_data_crcs=enable_data_crcs
-        )
+        writer = Writer(stream, compression=compression, use_chunking=use_chunking, enable_data_crcs=enable_data_crcs)
         writer.start(profile="ros2", library="test")
         schema = writer.register_schema(POINTCLOUD2, "ros2msg", definition)
         channels = {

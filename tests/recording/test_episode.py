@@ -123,9 +123,7 @@ def test_of_repeated_stamps_the_last_stays():
 
 def test_of_an_id_twice_in_a_message_the_last_stays():
     rows = np.float32([[1, 1, 1], [2, 2, 2], [3, 3, 3]])
-    cdr = encode_points(
-        stamp_ns=0, frame_id="world", xyz=rows, ids=np.array([2, 4, 2]), confidence=np.ones(3)
-    )
+    cdr = encode_points(stamp_ns=0, frame_id="world", xyz=rows, ids=np.array([2, 4, 2]), confidence=np.ones(3))
     first = Record(topic=OBJECT, type="sensor_msgs/msg/PointCloud2", log_time_ns=0, cdr=cdr)
     with pytest.warns(EpisodeWarning, match="1 points repeat the id"):
         episode = decode_episode([first, *objects()[1:], *controllers()], name="test")
@@ -214,9 +212,7 @@ def test_topics_can_be_named(tmp_path):
     write_episode(episode, tmp_path / "bag", object_topic="/a", controller_topic="/b", frame="table")
     with pytest.raises(RecordingError, match=r"no topic /object/points; the bag has /a .*, /b "):
         read_episode(tmp_path / "bag")
-    again = read_episode(
-        tmp_path / "bag", object_topic="/a", controller_topic="/b", frame="table", ground_height=0.25
-    )
+    again = read_episode(tmp_path / "bag", object_topic="/a", controller_topic="/b", frame="table", ground_height=0.25)
     np.testing.assert_array_equal(again.points, episode.points)
     assert again.name == "bag"
     assert again.ground_height == 0.25

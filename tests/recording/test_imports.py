@@ -12,9 +12,7 @@ HEAVY = ("rclpy", "warp", "torch", "matplotlib", "scipy")
 def test_importing_recording_loads_nothing_heavy():
     script = f"import sys, egophys_core.recording; print([m for m in {HEAVY!r} if m in sys.modules])"
     repository = Path(egophys_core.__file__).parents[1]
-    done = subprocess.run(
-        [sys.executable, "-c", script], cwd=repository, capture_output=True, text=True, check=True
-    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=repository, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 

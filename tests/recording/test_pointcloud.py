@@ -27,9 +27,7 @@ def cloud(table: np.ndarray, *, row_padding: int = 0, rows: int = 1, **changes):
     width = len(table) // rows
     data = np.pad(table.view(np.uint8).reshape(rows, -1), ((0, 0), (0, row_padding))).reshape(-1)
     fields = [
-        types["sensor_msgs/msg/PointField"](
-            name=name, offset=offset, datatype=DATATYPES[dtype.str[1:]], count=1
-        )
+        types["sensor_msgs/msg/PointField"](name=name, offset=offset, datatype=DATATYPES[dtype.str[1:]], count=1)
         for name, (dtype, offset) in table.dtype.fields.items()
     ]
     arguments = {
@@ -97,9 +95,7 @@ def test_other_layouts_read_the_same(order, endian, float_type, id_type, gap, ro
     formats = [endian + {"id": id_type, "rgb": "u4"}.get(name, float_type) for name in order]
     sizes = np.array([np.dtype(text).itemsize for text in formats])
     offsets = (np.cumsum(sizes + gap) - sizes).tolist()
-    dtype = np.dtype(
-        {"names": order, "formats": formats, "offsets": offsets, "itemsize": offsets[-1] + 8 + gap}
-    )
+    dtype = np.dtype({"names": order, "formats": formats, "offsets": offsets, "itemsize": offsets[-1] + 8 + gap})
     table = filled(dtype)
     frame = points_of_message(cloud(table, row_padding=row_padding, rows=rows), source="test")
     np.testing.assert_array_equal(frame.xyz, np.stack([table["x"], table["y"], table["z"]], axis=1))

@@ -28,22 +28,16 @@ def write_with_rosbags(folder: Path, records: list[Record], plugin: StoragePlugi
         connections = {}
         for record in records:
             if record.topic not in connections:
-                connections[record.topic] = bag.add_connection(
-                    record.topic, record.type, typestore=jazzy_types()
-                )
+                connections[record.topic] = bag.add_connection(record.topic, record.type, typestore=jazzy_types())
             bag.write(connections[record.topic], record.log_time_ns, record.cdr)
 
 
 @pytest.mark.parametrize("compression", CompressionType)
 @pytest.mark.parametrize("use_chunking", [True, False])
 @pytest.mark.parametrize("enable_data_crcs", [True, False])
-def test_mcap_of_every_kind_reads_back(
-    tmp_path, records, mcap_writer, compression, use_chunking, enable_data_crcs
-):
+def test_mcap_of_every_kind_reads_back(tmp_path, records, mcap_writer, compression, use_chunking, enable_data_crcs):
     path = tmp_path / "bag.mcap"
-    mcap_writer(
-        path, records, compression=compression, use_chunking=use_chunking, enable_data_crcs=enable_data_crcs
-    )
+    mcap_writer(path, records, compression=compression, use_chunking=use_chunking, enable_data_crcs=enable_data_crcs)
     assert list(read_records(path)) == records
 
 

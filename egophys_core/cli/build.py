@@ -1,0 +1,52 @@
+"""`egophys build EPISODE... --out TWIN`."""
+
+import argparse
+from pathlib import Path
+
+from egophys_core.cli.display import print_json, print_scores, progress_bar
+from egophys_core.cli.option_arguments import add_option_arguments, options_from
+from egophys_core.errors import TwinError
+from egophys_core.evaluation import Scores, baseline_scores
+from egophys_core.identification import FitOptions, build_twin, find_hands, hold_flags
+from egophys_core.recording import read_episode
+from egophys_core.twin import save_twin
+
+NAME = "build"
+HELP = "Fit a twin to recorded episodes of one object and write it to a file."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the subcommand."""
+    parser.add_argument("episodes", nargs="+", type=Path, metavar="EPISODE", help=".mcap file or rosbag2 folder")
+    parser.add_argument("--out", required=True, type=Path, metavar="TWIN", help="twin file to write (.twin)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the search (default 0)")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    add_option_arguments(parser, FitOptions)
+
+
+def run(parsed: argparse.Namespace) -> int:
+    """Build and save."""
+    options = options_from(parsed, FitOptions)
+    # Found out now, not after minutes of fitting.
+    if not parsed.out.parent.is_dir():
+        raise TwinError(f"cannot write {parsed.out}: folder {parsed.out.parent} does not exist; create it")
+    if parsed.out.is_dir():
+        raise TwinError(f"cannot write {parsed.out}: it is a folder; give a file name")
+    episodes = [read_episode(path) for path in parsed.episodes]
+    with progress_bar() as report:
+        twin = build_twin(
+            episodes,
+            options,
+            seed=parsed.seed,
+            progress=lambda stage, share, loss: report(stage, share, f"loss {1000 * loss:.1f} mm"),
+        )
+    save_twin(twin, parsed.out)
+    hold = hold_flags(episodes[0], find_hands(episodes[0]))
+    scores = {"twin": Scores(**twin.provenance.scores), **baseline_scores(episodes[0], hold)}
+    if parsed.json:
+        named = {name: each.as_dict() for name, each in scores.items()}
+        print_json({"twin": str(parsed.out), "twin_id": twin.twin_id, "scores": named})
+    else:
+        print_scores(f"{episodes[0].name}", scores)
+        print(f"twin {twin.twin_id} written to {parsed.out}")
+    return 0

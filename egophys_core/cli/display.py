@@ -1,0 +1,75 @@
+"""What the subcommands show: tables on standard output, a progress bar on standard error."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from egophys_core.evaluation import Scores
+
+
+class Report(Protocol):
+    """Updates the bar: a stage, the share done (0..1), and a note behind the bar."""
+
+    def __call__(self, stage: str, share: float, note: str = "") -> None:
+        """Show progress."""
+
+
+@contextmanager
+def progress_bar() -> Iterator[Report]:
+    """A bar in a terminal, nothing elsewhere."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description:<10}"), BarColumn(), TextColumn("{task.fields[note]}"))
+    with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as progress:
+        task = progress.add_task("", total=1.0, note="")
+
+        def report(stage: str, share: float, note: str = "") -> None:
+            progress.update(task, description=stage, completed=share, note=note)
+
+        yield report
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """One JSON object on standard output; numbers that are not finite become null."""
+    print(json.dumps(_finite(content), indent=1))
+
+
+def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table on standard output; the first column is text, the others are numbers."""
+    table = Table(title=title, title_justify="left")
+    for index, name in enumerate(header):
+        table.add_column(name, justify="right" if index else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
+def print_scores(title: str, scores: Mapping[str, Scores]) -> None:
+    """Errors of several predictions in millimetres; train errors of a baseline that copies the data are blank."""
+    header = ("prediction", "train CD", "test CD", "train TE", "test TE")
+    rows = [
+        (
+            name,
+            *(_millimetres(value) for value in (s.train_chamfer_m, s.test_chamfer_m, s.train_track_m, s.test_track_m)),
+        )
+        for name, s in scores.items()
+    ]
+    print_table(f"{title} (mm; CD Chamfer distance, TE track error)", header, rows)
+
+
+def _millimetres(value: float) -> str:
+    return "-" if value != value else f"{1000 * value:.1f}"
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+        return None
+    if isinstance(value, Mapping):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return value

@@ -1,0 +1,62 @@
+"""`egophys info PATH`."""
+
+import argparse
+from pathlib import Path
+from zipfile import is_zipfile
+
+from egophys_core.cli.display import print_json, print_table
+from egophys_core.recording import list_topics
+from egophys_core.twin import load_twin
+
+NAME = "info"
+HELP = "What is in a twin file or a bag."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the subcommand."""
+    parser.add_argument("path", type=Path, metavar="PATH", help="twin file, .mcap file or rosbag2 folder")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+
+
+def run(parsed: argparse.Namespace) -> int:
+    """Print."""
+    if parsed.path.is_file() and is_zipfile(parsed.path):
+        _show_twin(parsed.path, parsed.json)
+    else:
+        _show_bag(parsed.path, parsed.json)
+    return 0
+
+
+def _show_twin(path: Path, as_json: bool) -> None:
+    twin = load_twin(path)
+    graph = twin.model.graph
+    content = {
+        "twin_id": twin.twin_id,
+        "nodes": len(graph.positions),
+        "springs": len(graph.springs),
+        **twin.header(),
+    }
+    if as_json:
+        print_json(content)
+        return
+    provenance = content.pop("provenance")
+    parameters = content.pop("parameters")
+    for title, values in (
+        ("twin", content),
+        ("parameters (SI units)", parameters),
+        ("provenance", provenance),
+    ):
+        print_table(title, ("name", "value"), [(name, f"{value}") for name, value in values.items()])
+
+
+def _show_bag(path: Path, as_json: bool) -> None:
+    topics = list_topics(path)
+    if as_json:
+        print_json(
+            {
+                "path": str(path),
+                "topics": [{"name": t.name, "type": t.type, "messages": t.messages} for t in topics],
+            }
+        )
+    else:
+        print_table(str(path), ("topic", "type", "messages"), [(t.name, t.type, str(t.messages)) for t in topics])

@@ -15,7 +15,6 @@ from egophys_core.identification import FitOptions, build_twin
 from egophys_core.options import from_mapping
 from egophys_core.planning import (
     PlanOptions,
-    WaypointPlan,
     final_shapes,
     grasp_from_points,
     plan_to_target,
@@ -31,6 +30,7 @@ from egophys_core.recording import (
     types_of_topics,
 )
 from egophys_core.twin import Twin, decode_twin, encode_twin
+from egophys_core.waypoint_plan import WaypointPlan
 
 TWIN_NODE = "/twin_node"
 PLANNER_NODE = "/mppi_planner_node"

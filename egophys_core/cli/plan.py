@@ -10,9 +10,10 @@ from egophys_core.cli.display import progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import PlanningError
 from egophys_core.files import write_atomically
-from egophys_core.planning import PlanOptions, grasp_from_points, plan_to_json, plan_to_target, twin_costs
+from egophys_core.planning import PlanOptions, grasp_from_points, plan_to_target, twin_costs
 from egophys_core.recording import read_episode
 from egophys_core.twin import load_twin
+from egophys_core.waypoint_plan import plan_to_json
 
 NAME = "plan"
 HELP = "Plan tool waypoints that bring the object to a target shape; writes them as JSON."

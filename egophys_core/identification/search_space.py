@@ -56,12 +56,12 @@ def searched_numbers(kind: ObjectKind) -> tuple[Searched, ...]:
     Rates are per node mass, lengths in units of the node spacing, so that one range serves all sizes.
     """
     common = (
-        Searched(name="stiffness_rate", low=3e2, high=3e5, start=1e4, logarithmic=True),
-        Searched(name="damping_rate", low=0.03, high=300.0, start=3.0, logarithmic=True),
-        Searched(name="object_radius", low=1.0, high=3.0, start=1.7),
+        Searched(name="stiffness_rate", low=1e3, high=5e5, start=1e5, logarithmic=True),
+        Searched(name="damping_rate", low=0.03, high=300.0, start=2.0, logarithmic=True),
+        Searched(name="object_radius", low=1.0, high=3.0, start=1.5),
         Searched(name="object_neighbours", low=4.0, high=20.0, start=10.0),
-        Searched(name="controller_radius", low=0.5, high=4.0, start=1.5),
-        Searched(name="controller_neighbours", low=1.0, high=30.0, start=8.0),
+        Searched(name="controller_radius", low=0.5, high=4.0, start=2.0),
+        Searched(name="controller_neighbours", low=1.0, high=30.0, start=20.0),
         Searched(name="restitution", low=0.0, high=0.8, start=0.1),
         Searched(name="friction", low=0.0, high=1.5, start=0.5),
     )

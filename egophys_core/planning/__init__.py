@@ -4,17 +4,14 @@ from egophys_core.planning.forward import final_shapes, rollout_plans, shape_cos
 from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
 from egophys_core.planning.mppi import ForwardModel, plan_to_target
 from egophys_core.planning.options import PlanOptions
-from egophys_core.planning.plan import WaypointPlan, plan_to_json
 
 __all__ = [
     "ForwardModel",
     "Grasp",
     "PlanOptions",
-    "WaypointPlan",
     "controls_of_plan",
     "final_shapes",
     "grasp_from_points",
-    "plan_to_json",
     "plan_to_target",
     "rollout_plans",
     "shape_costs",

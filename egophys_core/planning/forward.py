@@ -7,9 +7,9 @@ import numpy as np
 from egophys_core.errors import PlanningError
 from egophys_core.evaluation import two_way_chamfer
 from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
-from egophys_core.planning.plan import WaypointPlan
 from egophys_core.simulation import Rollout, batch_of_models, rollout
 from egophys_core.twin import Twin
+from egophys_core.waypoint_plan import WaypointPlan
 
 
 def rollout_plans(twin: Twin, plans: Sequence[WaypointPlan], *, grasp: Grasp | None = None) -> Rollout:

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from egophys_core.errors import PlanningError
-from egophys_core.planning.plan import WaypointPlan
 from egophys_core.simulation import Controls
+from egophys_core.waypoint_plan import WaypointPlan
 
 POINTING_DOWN = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion x y z w of a tool whose z axis points at the table: half a turn about world x."""

@@ -20,10 +20,10 @@ class PlanOptions:
     noise_m: float = number(0.03, low=1e-4, high=1.0, doc="standard deviation of a waypoint's step, m")
     noise_decay: float = number(0.9, low=0.1, high=1.0, doc="factor on the noise after each iteration")
     temperature: float = number(0.1, low=1e-3, high=100.0, doc="lambda over the spread of the costs")
-    max_speed_m_s: float = number(0.25, low=0.01, high=2.0, doc="fastest tool motion, m/s")
-    low_m: tuple[float, float, float] = (-0.6, -0.6, 0.0)
-    """Lower corner of the box the tool stays in, metres, world."""
-    high_m: tuple[float, float, float] = (0.6, 0.6, 0.6)
+    max_speed_m_s: float = number(0.2, low=0.01, high=2.0, doc="fastest tool motion, m/s")
+    low_m: tuple[float, float, float] = (-0.25, -0.4, 0.0)
+    """Lower corner of the box the tool stays in, metres, world. The default box is the bridge's default workspace."""
+    high_m: tuple[float, float, float] = (0.2, 0.4, 0.5)
     """Upper corner of the box, metres, world."""
 
     def __post_init__(self) -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from egophys_core.planning.plan import WaypointPlan
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.limits import MotionLimits
+from egophys_core.waypoint_plan import WaypointPlan
 
 PEAK_SPEED = 1.875
 """Largest ds/dtau of the minimum-jerk law s = 10 tau^3 - 15 tau^4 + 6 tau^5 (at tau = 1/2)."""

@@ -85,8 +85,9 @@ def _run(batch: RolloutBatch, device: str, on_frame: Callable[[int, int], None] 
     nodes = batch.positions.shape[1]
     controllers = np.stack([controls.positions for controls in batch.controls]).astype(np.float32)
     hold = np.stack([controls.hold for controls in batch.controls])
-    motion = _controller_motion(times, controllers, device)
-    state = _initial_state(batch, controllers[:, 0], device)
+    controller_velocities = np.gradient(controllers.astype(np.float64), times, axis=1)
+    motion = [_per_frame(values, device) for values in (controllers, controller_velocities)]
+    state = _initial_state(batch, controllers[:, 0], controller_velocities[:, 0], device)
     parameters = _parameters(batch, device)
     attachments = [NOTHING_HELD] * batch.count
     held = np.zeros_like(hold[:, 0])
@@ -166,9 +167,11 @@ def _launch_frame(
         )
 
 
-def _initial_state(batch: RolloutBatch, controllers: np.ndarray, device: str) -> StateArrays:
+def _initial_state(
+    batch: RolloutBatch, controllers: np.ndarray, controller_velocities: np.ndarray, device: str
+) -> StateArrays:
     points = np.concatenate([batch.positions, controllers], axis=1)
-    speeds = np.concatenate([batch.velocities, np.zeros_like(controllers)], axis=1)
+    speeds = np.concatenate([batch.velocities, controller_velocities], axis=1)
     state = StateArrays()
     state.positions = wp.array(pack(points), dtype=Lanes, device=device)
     state.velocities = wp.array(pack(speeds), dtype=Lanes, device=device)
@@ -198,16 +201,12 @@ def _parameters(batch: RolloutBatch, device: str) -> ParameterArrays:
     return arrays
 
 
-def _controller_motion(times: np.ndarray, controllers: np.ndarray, device: str) -> tuple[wp.array, wp.array]:
-    """Positions and velocities of the controllers at the frames, each [F, G, C, 3] of Lanes."""
-    velocities = np.gradient(controllers.astype(np.float64), times, axis=1)
-    return tuple(
-        wp.array(np.moveaxis(pack(values), 1, 0).copy(), dtype=Lanes, device=device)
-        for values in (controllers, velocities)
-    )
+def _per_frame(values: np.ndarray, device: str) -> list[wp.array]:
+    """[K, F, C, 3] as one array [G, C, 3] of Lanes per frame."""
+    return [wp.array(pack(values[:, frame]), dtype=Lanes, device=device) for frame in range(values.shape[1])]
 
 
-def _frame_motion(motion: tuple[wp.array, wp.array], frame: int) -> ControllerArrays:
+def _frame_motion(motion: list[list[wp.array]], frame: int) -> ControllerArrays:
     positions, velocities = motion
     arrays = ControllerArrays()
     arrays.start_positions, arrays.end_positions = positions[frame], positions[frame + 1]

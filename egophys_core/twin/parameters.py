@@ -27,7 +27,7 @@ class PhysicalParameters:
     """Stiffness of a bending spring over that of a structural one."""
     damping: float
     """Dashpot of a structural spring, N s/m (gamma of the paper's force equation)."""
-    bending_damping_ratio: float = 2.0
+    bending_damping_ratio: float = 20.0
     """Dashpot of a bending spring over that of a structural one."""
     drag: float = 0.0
     """Velocity decay against the world, 1/s: every node feels -drag * mass * velocity."""

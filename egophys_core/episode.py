@@ -6,9 +6,6 @@ import numpy as np
 
 from egophys_core.errors import EpisodeError
 
-TRAIN_FRACTION = 0.7
-"""Share of an episode's frames that is fitted; the rest is held out (paper, Sec. 4.1, 7:3 split)."""
-
 LARGEST_SCENE_M = 20.0
 """Coordinates beyond this are taken for a wrong unit (millimetres) rather than a large object."""
 
@@ -88,5 +85,5 @@ class Episode:
 
     @property
     def train_frames(self) -> int:
-        """Number of frames that are fitted, floor(0.7 T); frames from this one on are held out."""
-        return int(TRAIN_FRACTION * self.frames)
+        """Number of frames that are fitted, floor(0.7 T); frames from this one on are held out (paper, Sec. 4.1)."""
+        return self.frames * 7 // 10

@@ -15,7 +15,7 @@ NEAR = 0.05
 """Metres: a hand whose mean distance to the object stays above this has no contact."""
 
 SETTLED = 0.004
-"""Metres: a hand holds while its distance to the object is this close to what it is during the hold.
+"""Metres: a hand holds while it is at most this much farther from the object than during most of the hold.
 
 A few times the noise of one point (1.5 mm); nearest distances average over the hand's points.
 """
@@ -75,14 +75,16 @@ def _group(controllers: np.ndarray) -> list[np.ndarray]:
 
 def _find_hold(episode: Episode, members: np.ndarray) -> Hand:
     distance = np.full(episode.frames, np.inf)
-    for frame, (points, controllers) in enumerate(zip(episode.points, episode.controllers[:, members], strict=True)):
-        seen = points[np.isfinite(points).all(axis=1)]
-        if len(seen):
-            distance[frame] = cKDTree(seen).query(controllers)[0].mean()
+    # A point that the hand hides counts where it was last seen: hiding it does not take it away.
+    points = np.full_like(episode.points[0], np.nan)
+    for frame, controllers in enumerate(episode.controllers[:, members]):
+        points = np.where(np.isfinite(episode.points[frame]), episode.points[frame], points)
+        known = points[np.isfinite(points).all(axis=1)]
+        distance[frame] = cKDTree(known).query(controllers)[0].mean()
     near = distance < NEAR
     if not near.any():
         return Hand(controllers=members, first=0, last=-1)
-    settled = np.flatnonzero(np.abs(distance - np.median(distance[near])) < SETTLED)
+    settled = np.flatnonzero(distance < np.median(distance[near]) + SETTLED)
     first = next((frame for frame in settled if _relative_speed(episode, members, frame) < STILL_SPEED), settled[0])
     return Hand(controllers=members, first=int(first), last=int(settled[-1]))
 

@@ -24,7 +24,7 @@ class RolloutBatch:
     damping: np.ndarray
     """[K, E] float32, N s/m; 0 where absent."""
     rest_lengths: np.ndarray
-    """[E] float32, metres."""
+    """[K, E] float32, metres; any positive number where absent."""
     masses: np.ndarray
     """[K, N] float32, kg."""
     positions: np.ndarray
@@ -47,7 +47,7 @@ class RolloutBatch:
             ("springs", self.springs, (springs, 2)),
             ("stiffness", self.stiffness, (count, springs)),
             ("damping", self.damping, (count, springs)),
-            ("rest_lengths", self.rest_lengths, (springs,)),
+            ("rest_lengths", self.rest_lengths, (count, springs)),
             ("masses", self.masses, (count, nodes)),
             ("positions", self.positions, (count, nodes, 3)),
             ("velocities", self.velocities, (count, nodes, 3)),
@@ -75,7 +75,7 @@ class RolloutBatch:
             springs=self.springs[present],
             stiffness=self.stiffness[rows][:, present],
             damping=self.damping[rows][:, present],
-            rest_lengths=self.rest_lengths[present],
+            rest_lengths=self.rest_lengths[rows][:, present],
             masses=self.masses[rows],
             positions=self.positions[rows],
             velocities=self.velocities[rows],
@@ -108,12 +108,12 @@ def batch_of_models(
     union = np.unique(np.concatenate(codes))
     shape = (len(models), len(union))
     stiffness, damping = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    rest_lengths = np.ones(len(union), np.float32)
+    rest_lengths = np.ones(shape, np.float32)
     for row, (model, code) in enumerate(zip(models, codes, strict=True)):
         columns = np.searchsorted(union, code)
         stiffness[row, columns] = model.stiffness
         damping[row, columns] = model.spring_damping
-        rest_lengths[columns] = model.graph.rest_lengths
+        rest_lengths[row, columns] = model.graph.rest_lengths
     positions = starts if starts is not None else [model.graph.positions for model in models]
     return RolloutBatch(
         springs=np.stack([union // nodes, union % nodes], axis=1).astype(np.int32),

@@ -46,8 +46,11 @@ def fit_coarse(
     """Search graph and global parameters that make rollouts match the train frames of all episodes.
 
     Raises:
+        EpisodeError: an episode has no contact in its train frames.
         TwinError: every candidate diverged.
     """
+    for problem in problems:
+        problem.require_train_frames()
     numbers = searched_numbers(shape.kind)
     generator = np.random.default_rng(seed)
     settings = {

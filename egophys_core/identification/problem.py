@@ -15,6 +15,9 @@ from egophys_core.simulation import Controls
 LEAD_FRAMES = 3
 """Frames simulated before the first contact: at rest nothing can be learnt, and a few let the object settle."""
 
+FEWEST_CONTACT_FRAMES = 5
+"""Train frames with contact below which there is nothing to fit."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FitProblem:
@@ -33,6 +36,19 @@ class FitProblem:
     def first_frame(self) -> int:
         """Frame at which fitting rollouts begin, with the object at rest."""
         return max(0, min(hand.first for hand in self.hands if hand.holds) - LEAD_FRAMES)
+
+    def require_train_frames(self) -> None:
+        """Check that there is something to fit.
+
+        Raises:
+            EpisodeError: the first contact comes too late.
+        """
+        contact, train = self.first_frame + LEAD_FRAMES, self.episode.train_frames
+        if train - contact < FEWEST_CONTACT_FRAMES:
+            raise EpisodeError(
+                f"{self.episode.name}: the first contact is at frame {contact}, the fitted frames end at {train - 1}; "
+                "record more of the handling (the first 70 % of the frames are fitted)"
+            )
 
     def train_controls(self) -> Controls:
         """Controls from `first_frame` to the last train frame."""

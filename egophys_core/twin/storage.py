@@ -38,7 +38,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
             arrays = {key: archive[key] for key in archive.files}
         header: dict[str, Any] = json.loads(arrays.pop("header").tobytes())
         version = header["format_version"]
-    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile, json.JSONDecodeError) as error:
+    except (ValueError, TypeError, KeyError, OSError, EOFError, zipfile.BadZipFile, json.JSONDecodeError) as error:
         raise TwinError(
             f"{name} is not a twin file, or it is cut ({error}); build it again with egophys build"
         ) from error

@@ -18,20 +18,13 @@ from egophys_core.twin import ObjectModel
 WORST_LOSS = 1.0
 """Metres. What a candidate that diverges costs; CMA-ES needs finite numbers."""
 
-MEAN_TOLERANCE = 1.1
-"""The mean of the search distribution is taken instead of the best sample unless its loss is larger by this factor.
-
-A cloth that folds under itself is chaotic: near the optimum the loss is rough, and the best sample of hundreds
-is partly luck. On held-out frames the mean was better (docs/notes/coarse_fit.md).
-"""
-
 Progress = Callable[[float, float], None]
 """Called with the share done (0..1) and the best loss so far (metres); may raise to stop."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoarseFit:
-    """The candidate that the search ended with."""
+    """The best candidate found."""
 
     model: ObjectModel
     loss: float
@@ -75,10 +68,6 @@ def fit_coarse(
         progress((generation + 1) / options.generations, best_loss)
     if best_coordinates is None:
         raise TwinError("every candidate of the coarse fit diverged; check the controller motion for jumps")
-    mean = np.asarray(strategy.result.xfavorite)
-    mean_loss = float(evaluate_candidates(problems, shape, [mean], options.frame_stride)[0])
-    if mean_loss < MEAN_TOLERANCE * best_loss:
-        best_loss, best_coordinates = mean_loss, mean
     return CoarseFit(
         model=candidate(shape, best_coordinates, ground_height=problems[0].episode.ground_height),
         loss=best_loss,

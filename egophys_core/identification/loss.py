@@ -4,9 +4,16 @@ import numpy as np
 
 from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
 
+TAIL_SHARE = 0.25
+"""Share of the frames, the last ones, that counts twice.
+
+The twin is to predict what comes after the fitted frames. Among candidates of nearly equal loss the error on the
+last frames tells the held-out error (correlation 0.43), the error on all frames does not (docs/notes/coarse_fit.md).
+"""
+
 
 def rollout_loss(predicted: np.ndarray, surface: np.ndarray, bound: np.ndarray, observed: np.ndarray) -> float:
-    """Mean over frames of the one-way Chamfer distance plus the track error, metres.
+    """One-way Chamfer distance plus track error, metres: mean of that over all frames and over the last ones.
 
     Args:
         predicted: [F, V, 3] metres, nodes.
@@ -20,6 +27,6 @@ def rollout_loss(predicted: np.ndarray, surface: np.ndarray, bound: np.ndarray, 
     visible = predicted[:, surface]
     if not np.isfinite(visible).all():
         return float("inf")
-    geometry = chamfer_per_frame(visible, observed)
-    motion = track_error_per_frame(visible, observed, bound)
-    return float(np.nanmean(geometry) + np.nanmean(motion))
+    tail = int((1.0 - TAIL_SHARE) * len(visible))
+    errors = (chamfer_per_frame(visible, observed), track_error_per_frame(visible, observed, bound))
+    return float(sum(np.nanmean(error) + np.nanmean(error[tail:]) for error in errors) / 2)

@@ -24,10 +24,10 @@ from egophys_core.planning import (
 from egophys_core.recording import (
     Record,
     decode_episode,
-    decode_points,
     list_topics,
     read_records,
     types_of_topics,
+    xyz_of_message,
 )
 from egophys_core.twin import Twin, decode_twin, encode_twin
 from egophys_core.waypoint_plan import WaypointPlan
@@ -114,30 +114,31 @@ class _Log:
 
 def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
     described = log.last(f"{twin_node}/training/build")
-    model = log.last(f"{twin_node}/model")
-    if described is None or model is None or model.log_time_ns < described.log_time_ns:
-        return _not_recorded("build", "the log has no finished build with its training points")
+    if described is None:
+        return _not_recorded("build", f"the log has no {twin_node}/training/build: the twin was not built in it")
     build = json.loads(log.decode(described).data)
-    points = f"{twin_node}/training/object_points", f"{twin_node}/training/controller_points"
-    records = [
-        [record for record in log.records(topic) if record.log_time_ns >= described.log_time_ns] for topic in points
-    ]
+    topics = f"{twin_node}/training/object_points", f"{twin_node}/training/controller_points"
     frames = [int(episode["frames"]) for episode in build["episodes"]]
-    if any(len(each) != sum(frames) for each in records):
-        found = ", ".join(f"{len(each)} on {topic}" for each, topic in zip(records, points, strict=True))
+    # The newest build's points are the last ones. Latched messages reach a recorder in any order, so receive
+    # times do not tell what belongs together; the twin itself says which episodes it was built from.
+    records = [log.records(topic)[-sum(frames) :] for topic in topics]
+    if any(len(each) < sum(frames) for each in records):
+        found = ", ".join(f"{len(each)} on {topic}" for each, topic in zip(records, topics, strict=True))
         return _not_recorded("build", f"the build had {sum(frames)} frames, the log has {found}")
     bounds = np.cumsum([0, *frames])
     episodes = [
         decode_episode(
             [record for each in records for record in each[first:last]],
             name=episode["name"],
-            object_topic=points[0],
-            controller_topic=points[1],
+            object_topic=topics[0],
+            controller_topic=topics[1],
             ground_height=episode["ground_height"],
         )
         for episode, (first, last) in zip(build["episodes"], pairwise(bounds), strict=True)
     ]
-    recorded = _twin(log, model)
+    recorded = _twin_built_by(log, twin_node, build)
+    if recorded is None:
+        return _not_recorded("build", f"no twin on {twin_node}/model has the seed and episodes of the last build")
 
     def work() -> tuple[bool, str]:
         twin = build_twin(
@@ -159,13 +160,13 @@ def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
 def _replay_plan(log: _Log, twin_node: str, planner_node: str, progress: Progress) -> Comparison:
     names = [f"{planner_node}/{name}" for name in ("problem", "target", "plan")]
     problem, target, plan = (log.last(name) for name in names)
-    if problem is None or target is None or plan is None or plan.log_time_ns < problem.log_time_ns:
+    if problem is None or target is None or plan is None:
         return _not_recorded("plan", f"a finished plan needs {', '.join(names)}")
     described = json.loads(log.decode(problem).data)
     twin = _twin_with_id(log, twin_node, described["twin_id"])
     if twin is None:
         return _not_recorded("plan", f"the log has no model of twin {described['twin_id']}, which it was planned with")
-    shape = decode_points(target.cdr, source=f"{log.path} {target.topic}").xyz
+    shape = xyz_of_message(log.decode(target), source=f"{log.path} {target.topic}")
     recorded = _plan(log, plan)
 
     def work() -> tuple[bool, str]:
@@ -189,7 +190,7 @@ def _replay_prediction(log: _Log, twin_node: str) -> Comparison:
     if plan is None or points is None or model is None:
         return _not_recorded("prediction", f"it needs {', '.join(names)} and {twin_node}/model")
     twin = _twin(log, model)
-    recorded = decode_points(points.cdr, source=f"{log.path} {points.topic}").xyz
+    recorded = xyz_of_message(log.decode(points), source=f"{log.path} {points.topic}")
 
     def work() -> tuple[bool, str]:
         shape = final_shapes(twin, rollout_plans(twin, [_plan(log, plan)]))[0]
@@ -235,6 +236,17 @@ def _twin(log: _Log, record: Record) -> Twin:
 def _twin_with_id(log: _Log, twin_node: str, twin_id: str) -> Twin | None:
     twins = (_twin(log, record) for record in reversed(log.records(f"{twin_node}/model")))
     return next((twin for twin in twins if twin.twin_id == twin_id), None)
+
+
+def _twin_built_by(log: _Log, twin_node: str, build: dict[str, Any]) -> Twin | None:
+    """The newest twin in the log with a build's seed and episode names."""
+    names = [episode["name"] for episode in build["episodes"]]
+    for record in reversed(log.records(f"{twin_node}/model")):
+        twin = _twin(log, record)
+        made_by = twin.provenance
+        if made_by.seed == build["seed"] and [episode["name"] for episode in made_by.episodes] == names:
+            return twin
+    return None
 
 
 def _plan(log: _Log, record: Record) -> WaypointPlan:

@@ -26,6 +26,7 @@ from egophys_core.recording.pointcloud import (
     encode_points,
     pack_points,
     points_of_message,
+    xyz_of_message,
 )
 from egophys_core.recording.reader import list_topics, read_records
 from egophys_core.recording.records import CutRecordingWarning, Record, TopicInfo
@@ -59,4 +60,5 @@ __all__ = [
     "standard_definition",
     "types_of_topics",
     "write_episode",
+    "xyz_of_message",
 ]

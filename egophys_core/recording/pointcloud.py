@@ -89,15 +89,14 @@ def points_of_message(message: Any, *, source: str) -> PointFrame:
     """
     table = _point_table(message, source)
     names = table.dtype.names or ()
-    missing = [name for name in ("x", "y", "z", "id") if name not in names]
-    if missing:
+    if "id" not in names:
         raise RecordingError(
-            f"{source}: the point cloud has no field {', '.join(missing)}; it has "
-            f"{', '.join(names) or 'no fields'}. Points need x y z (float32, m) and id (uint32, stable)"
+            f"{source}: the point cloud has no field id; it has {', '.join(names) or 'no fields'}. "
+            "Tracked points need x y z (float32, m) and id (uint32, stable)"
         )
-    for name in ("x", "y", "z", "confidence"):
-        if name in names and table.dtype[name].kind != "f":
-            raise RecordingError(f"{source}: field {name} must be float32, got {table.dtype[name].name}")
+    xyz = _xyz(table, source)
+    if "confidence" in names and table.dtype["confidence"].kind != "f":
+        raise RecordingError(f"{source}: field confidence must be float32, got {table.dtype['confidence'].name}")
     ids = table["id"]
     if ids.dtype.kind not in "iu":
         raise RecordingError(f"{source}: field id must be uint32, got {ids.dtype.name}")
@@ -108,11 +107,40 @@ def points_of_message(message: Any, *, source: str) -> PointFrame:
         stamp_ns=int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec),
         frame_id=message.header.frame_id,
         ids=ids.astype(np.uint32),
-        xyz=np.stack([table["x"], table["y"], table["z"]], axis=1).astype(np.float32),
+        xyz=xyz,
         confidence=(
             table["confidence"].astype(np.float32) if "confidence" in names else np.ones(len(table), np.float32)
         ),
     )
+
+
+def xyz_of_message(message: Any, *, source: str, frame: str = "world") -> np.ndarray:
+    """[P, 3] float32 metres: the positions in a PointCloud2 message object, whatever other fields it has.
+
+    Args:
+        message: as for `points_of_message`.
+        source: where it came from, for error messages.
+        frame: the frame the points must be in.
+
+    Raises:
+        RecordingError: another frame, `x`, `y` or `z` missing or of another kind, or sizes that do not match.
+    """
+    if message.header.frame_id != frame:
+        raise RecordingError(f"{source}: the points are in frame {message.header.frame_id!r}, needed is {frame!r}")
+    return _xyz(_point_table(message, source), source)
+
+
+def _xyz(table: np.ndarray, source: str) -> np.ndarray:
+    names = table.dtype.names or ()
+    missing = [name for name in "xyz" if name not in names]
+    if missing:
+        raise RecordingError(
+            f"{source}: the point cloud has no field {', '.join(missing)}; it has {', '.join(names) or 'no fields'}"
+        )
+    for name in "xyz":
+        if table.dtype[name].kind != "f":
+            raise RecordingError(f"{source}: field {name} must be float32, got {table.dtype[name].name}")
+    return np.stack([table[name] for name in "xyz"], axis=1).astype(np.float32)
 
 
 def pack_points(xyz: np.ndarray, ids: np.ndarray, confidence: np.ndarray) -> bytes:

@@ -1,0 +1,254 @@
+"""The whole loop on a recorded episode, with the real nodes over DDS and the arm's controller emulated.
+
+build a twin -> plan to a target shape -> execute on the (emulated) xArm6 -> record -> replay -> table and picture
+"""
+
+import argparse
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from action_msgs.msg import GoalStatus
+from egophys_msgs.action import BuildTwin, ExecutePlan, PlanToTarget
+from egophys_msgs.msg import TwinInfo, WaypointPlan
+from egophys_msgs.srv import RolloutTwin
+from egophys_ros_common.conversions import executed_plan, points_message
+from egophys_ros_common.processes import Client, NodeProcess
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from egophys_core.cli.display import print_scores
+from egophys_core.episode import Episode
+from egophys_core.errors import EgophysError
+from egophys_core.evaluation import baseline_scores
+from egophys_core.identification import evaluate_twin, find_hands, hold_flags
+from egophys_core.recording import read_episode, xyz_of_message
+from egophys_core.replay import Outcome, replay_log
+from egophys_core.reporting import draw_shapes
+from egophys_core.twin import load_twin
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+EPISODE = REPOSITORY / "examples/towel_lift.mcap"
+ROBOT_IP = "127.0.0.7"
+"""The emulator's own loopback address, so that it does not meet one started by hand."""
+CONFIGURATION = REPOSITORY / "ros2_ws/src"
+PLAN_TIMEOUT_S = 300.0
+BUILD_TIMEOUT_S = 600.0
+
+console = Console()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcomes:
+    """What the nodes answered."""
+
+    target: np.ndarray
+    """[P, 3] metres, world."""
+    plan: WaypointPlan
+    predicted: np.ndarray
+    """[S, 3] metres: the object after the plan, as the twin predicts it."""
+    executed: np.ndarray
+    """[S, 3] metres: the object after the tool path that was measured."""
+    costs_m: tuple[float, float, float]
+    """Distance to the target before, predicted and after execution."""
+
+
+def main() -> int:
+    """Run the demo; 0 if every step worked and the replay gave the same."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--episode", type=Path, default=EPISODE, help="episode to build from")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for twin, log and picture")
+    parser.add_argument("--target-frame", type=int, default=100, help="the shape seen in this frame is the target")
+    parser.add_argument("--generations", type=int, default=20, help="generations of the fit (the paper's: 50)")
+    parser.add_argument("--seed", type=int, default=0)
+    parsed = parser.parse_args()
+    # A graph of its own, on this machine only: nodes that already run are left alone.
+    os.environ.setdefault("ROS_DOMAIN_ID", "71")
+    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    folder = new_folder(parsed.out)
+    try:
+        episode = read_episode(parsed.episode)
+        outcomes = run_nodes(parsed, episode, folder)
+        return report(parsed, episode, folder, outcomes)
+    except (EgophysError, RuntimeError, TimeoutError) as error:
+        console.print(f"[red]demo failed:[/red] {error}\nThe nodes' output is in {folder}")
+        return 1
+
+
+def new_folder(wanted: Path) -> Path:
+    """`wanted` if it is free, else the first free `wanted-2`, `wanted-3`, ...: no earlier run is overwritten."""
+    folder, number = wanted, 2
+    while folder.exists():
+        folder, number = wanted.with_name(f"{wanted.name}-{number}"), number + 1
+    folder.mkdir(parents=True)
+    return folder
+
+
+def run_nodes(parsed: argparse.Namespace, episode: Episode, folder: Path) -> Outcomes:
+    """Start the nodes, drive them through the story, stop them; the log is then complete."""
+    processes: list[NodeProcess] = []
+
+    def start(package: str, executable: str, *arguments: str) -> NodeProcess:
+        process = NodeProcess(package, executable, list(arguments), folder / f"{executable}.txt")
+        processes.append(process)
+        return process
+
+    def start_node(package: str, executable: str, config: str, **parameters: str) -> None:
+        values = {"autostart": "true", **parameters}
+        assignments = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
+        file = CONFIGURATION / package / "config" / config
+        start(package, executable, "--ros-args", "--params-file", str(file), *assignments)
+
+    client = Client()
+    try:
+        console.print("starting the nodes: twin_node, mppi_planner_node, recorder_node, bridge_node, xArm6 emulator")
+        start("xarm_bridge", "emulator", "--host", ROBOT_IP)
+        calibration = CONFIGURATION / "xarm_bridge/config/world_to_base.yaml"
+        start_node("egophys_twin", "recorder_node", "recorder.yaml", output_folder=str(folder / "log"))
+        start_node("egophys_twin", "twin_node", "twin.yaml", generations=str(parsed.generations))
+        start_node("egophys_planner", "mppi_planner_node", "planner.yaml")
+        start_node("xarm_bridge", "bridge_node", "bridge.yaml", robot_ip=ROBOT_IP, calibration_file=str(calibration))
+        for node in ("/recorder_node", "/twin_node", "/mppi_planner_node", "/bridge_node"):
+            client.wait_for_state(node, "active")
+        return drive(parsed, episode, folder, client)
+    finally:
+        client.close()
+        for process in reversed(processes):
+            process.stop()
+
+
+def drive(parsed: argparse.Namespace, episode: Episode, folder: Path, client: Client) -> Outcomes:
+    """Build, plan, execute, and ask the twin what the executed path does."""
+    build_twin(parsed, folder, client)
+    seen = np.isfinite(episode.points[parsed.target_frame]).all(axis=1)
+    target = episode.points[parsed.target_frame, seen]
+    target_message = points_message(target, ids=episode.point_ids[seen])
+    planned = act(
+        client,
+        PlanToTarget,
+        "/mppi_planner_node/plan_to_target",
+        PlanToTarget.Goal(target=target_message, seed=parsed.seed),
+        "plan",
+        lambda f: (f.iteration / max(f.iterations, 1), f"distance {1000 * f.best_cost:.1f} mm"),
+        PLAN_TIMEOUT_S,
+    )
+    executed = act(
+        client,
+        ExecutePlan,
+        "/bridge_node/execute",
+        ExecutePlan.Goal(plan=planned.plan),
+        "execute",
+        lambda f: (f.progress, f"tool at z = {f.current.pose.position.z:.3f} m"),
+        PLAN_TIMEOUT_S,
+    )
+
+    def roll_out(plan: WaypointPlan) -> tuple[float, np.ndarray]:
+        request = RolloutTwin.Request(plans=[plan], target=target_message, return_shapes=True)
+        response = client.call(RolloutTwin, "/twin_node/rollout", request, PLAN_TIMEOUT_S)
+        if not response.success:
+            raise RuntimeError(f"rollout: {response.message}")
+        return response.costs[0], xyz_of_message(response.final_shapes[0], source="final shape")
+
+    predicted_cost, predicted = roll_out(planned.plan)
+    executed_cost, after = roll_out(executed_plan(executed.executed, planned.plan))
+    return Outcomes(
+        target=target,
+        plan=planned.plan,
+        predicted=predicted,
+        executed=after,
+        costs_m=(planned.initial_cost, predicted_cost, executed_cost),
+    )
+
+
+def build_twin(parsed: argparse.Namespace, folder: Path, client: Client) -> TwinInfo:
+    """Have the twin node build from the episode."""
+    goal = BuildTwin.Goal(
+        episode_paths=[str(parsed.episode.resolve())],
+        output_path=str((folder / "object.twin").resolve()),
+        seed=parsed.seed,
+    )
+    return act(
+        client,
+        BuildTwin,
+        "/twin_node/build",
+        goal,
+        "build",
+        lambda f: (f.progress, f"{f.stage}, loss {1000 * f.best_loss:.1f} mm"),
+        BUILD_TIMEOUT_S,
+    ).info
+
+
+def act(client, kind, name, goal, label, describe, timeout_s):  # type: ignore[no-untyped-def]
+    """Send a goal, show its feedback as a bar, and return its result.
+
+    Raises:
+        RuntimeError: the goal was rejected or did not succeed; says what the node answered.
+    """
+    columns = (TextColumn("{task.description:<8}"), BarColumn(), TextColumn("{task.fields[note]}"), TimeElapsedColumn())
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task(label, total=1.0, note="")
+
+        def show(feedback) -> None:  # type: ignore[no-untyped-def]
+            share, note = describe(feedback)
+            progress.update(task, completed=share, note=note)
+
+        handle = client.send_goal(kind, name, goal, on_feedback=show)
+        if not handle.accepted:
+            raise RuntimeError(f"{name} rejected the goal; its reason is in the node's output")
+        answer = client.result(handle, timeout_s)
+        if answer.status != GoalStatus.STATUS_SUCCEEDED:
+            raise RuntimeError(f"{name}: {answer.result.message}")
+        progress.update(task, completed=1.0)
+    return answer.result
+
+
+def report(parsed: argparse.Namespace, episode: Episode, folder: Path, outcomes: Outcomes) -> int:
+    """Evaluate, replay, draw, and print the tables; 0 if the replay was the same."""
+    twin = load_twin(folder / "object.twin")
+    scores, predicted = evaluate_twin(twin, episode)
+    with console.status("replaying the log"):
+        comparisons = replay_log(folder / "log")
+    picture = folder / "shapes.png"
+    last = int(np.flatnonzero(episode.visible.any(axis=1))[-1])
+    observed = episode.points[last][episode.visible[last]]
+    draw_shapes(
+        folder / "prediction.png",
+        {
+            f"observed at {episode.times[last]:.1f} s (held out)": observed,
+            f"predicted by the twin for {episode.times[last]:.1f} s": predicted[last, twin.model.graph.surface],
+        },
+        title=f"{episode.name}: track error on the held-out frames {1000 * scores.test_track_m:.1f} mm",
+        ground=twin.ground_height,
+    )
+    before, planned, after = outcomes.costs_m
+    first = episode.points[0][episode.visible[0]]
+    draw_shapes(
+        picture,
+        {
+            f"observed at the start\n{1000 * before:.1f} mm from the target": first,
+            f"predicted after the plan\n{1000 * planned:.1f} mm": outcomes.predicted,
+            f"twin under the executed path\n{1000 * after:.1f} mm": outcomes.executed,
+            f"target: observed at {episode.times[parsed.target_frame]:.1f} s": outcomes.target,
+        },
+        title="MPPI plan to a target shape (target in grey)",
+        ghost=outcomes.target,
+        ground=twin.ground_height,
+    )
+    hold = hold_flags(episode, find_hands(episode))
+    print_scores(f"fit of {episode.name}", {"twin": scores, **baseline_scores(episode, hold)})
+    table = Table(title="distance of the object to the target shape (two-way Chamfer, mm)", title_justify="left")
+    for name in ("before planning", "predicted", "after execution (twin driven by the measured tool path)"):
+        table.add_column(name, justify="right")
+    table.add_row(*(f"{1000 * cost:.1f}" for cost in outcomes.costs_m))
+    console.print(table)
+    for each in comparisons:
+        console.print(f"replay {each.step}: {each.outcome} ({each.detail})")
+    console.print(f"twin    {folder / 'object.twin'}\nlog     {folder / 'log'}\npicture {picture}", soft_wrap=True)
+    return 0 if all(each.outcome == Outcome.SAME for each in comparisons) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""What the EgoPhys nodes share: lifecycle, worker threads, parameters of options, message conversions."""

@@ -1,0 +1,1 @@
+"""xArm bridge: executes waypoint plans on an xArm6, and an emulator of its controller."""

@@ -1,0 +1,251 @@
+"""The only module that touches the xArm SDK: SI units and errors on this side, its traps on the other."""
+
+import contextlib
+import ipaddress
+import socket
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from egophys_core.errors import RobotError
+from egophys_core.robot import Transform
+
+# The SDK prints when it is imported and binds its loggers to what is stdout then; results belong on stdout.
+with contextlib.redirect_stdout(sys.stderr):
+    from xarm.core.config.x_code import ControllerErrorCodeMap
+    from xarm.wrapper import XArmAPI
+
+CONNECT_TIMEOUT = 10.0
+"""Seconds; the SDK itself would ask a controller that never answers for over three minutes."""
+RETRY_INTERVAL = 0.5
+COMMAND_TIMEOUT = 1.0
+"""Seconds a controller may take to answer; real ones answer within milliseconds."""
+REPORT_TIMEOUT = 3.0
+"""Seconds to wait for what only the 5 Hz status reports tell (the mode, the first sign of the stream)."""
+POLL_INTERVAL = 0.02
+
+POSITION_MODE, SERVO_MODE = 0, 1
+RUN, STOP = 0, 4
+"""States that can be commanded."""
+
+HAS_ERROR, HAS_WARNING, NO_ANSWER, NOT_READY, REFUSED = 1, 2, 3, 9, 10
+"""Return codes of the SDK that mean something special here."""
+
+PULSES_PER_METRE = 10000.0
+"""xArm gripper: 850 pulses are 0.085 m between the fingers."""
+GRIPPER_SPEED = 3000
+"""r/min of the gripper's motor, of at most 5000."""
+
+
+class Connection:
+    """A connected xArm. Poses are TCP poses in the robot base frame, metres; all calls are bounded in time.
+
+    Methods may be called from several threads; the SDK sends one request at a time.
+    """
+
+    def __init__(self, address: str, *, patience: float = 0.0) -> None:
+        """Connect to the controller at an IPv4 address; nothing moves.
+
+        Args:
+            address: of the control box.
+            patience: seconds to keep trying while nobody listens there (it may be starting).
+
+        Raises:
+            RobotError: no IPv4 address, no controller there, no answer, or no status reports.
+        """
+        try:
+            ipaddress.IPv4Address(address)
+        except ValueError as error:
+            # The SDK would take anything else for the name of a serial port.
+            raise RobotError(f"robot address {address!r} is no IPv4 address such as 192.168.1.200") from error
+        self._address = address
+        self._api = XArmAPI(address, is_radian=True, do_not_open=True)
+        self._reported = threading.Event()
+        with _process_settings_kept():
+            self._connect(patience)
+
+    def close(self) -> None:
+        """Disconnect; the arm stays as it is."""
+        with _process_settings_kept():
+            self._api.disconnect()
+
+    def enter_servo_mode(self) -> None:
+        """Enable the motors and let streamed poses move the arm.
+
+        Raises:
+            RobotError: the controller has an error, or the mode was not reached.
+        """
+        self._check_error_free()
+        self._call("enabling the motors", self._api.motion_enable, True)
+        self._enter_mode(SERVO_MODE)
+
+    def leave_servo_mode(self) -> None:
+        """Back to the position mode, ready, so that other programs find the arm as usual."""
+        self._enter_mode(POSITION_MODE)
+
+    def servo_to(self, pose: Transform) -> None:
+        """Newest target of the servo mode; must be close to the one before (10 mm at most)."""
+        target = [*(pose.translation * 1000.0).tolist(), *pose.rpy.tolist()]
+        self._call("streaming a pose", self._api.set_servo_cartesian, target)
+
+    def tcp_pose(self) -> Transform:
+        """Where the controller says the TCP is."""
+        values = self._call("reading the pose", self._api.get_position)
+        return Transform.from_rpy(np.array(values[:3]) / 1000.0, np.array(values[3:6]))
+
+    def reachable(self, pose: Transform) -> bool:
+        """Whether the controller's inverse kinematics has a solution; nothing moves."""
+        target = [*(pose.translation * 1000.0).tolist(), *pose.rpy.tolist()]
+        code, _ = self._api.get_inverse_kinematics(target)
+        if code == REFUSED:
+            return False
+        self._check(code, "asking for the inverse kinematics")
+        return True
+
+    def prepare_gripper(self) -> None:
+        """Enable the gripper; it does not move."""
+        self._call("enabling the gripper", self._api.set_gripper_enable, True)
+        self._call("setting the gripper's mode", self._api.set_gripper_mode, 0)
+        self._call("setting the gripper's speed", self._api.set_gripper_speed, GRIPPER_SPEED)
+
+    def move_gripper(self, opening: float) -> None:
+        """Start opening or closing to `opening` metres between the fingers; does not wait."""
+        # Without these switches the SDK first waits for the arm, which here is meant to move meanwhile.
+        options = {"wait": False, "wait_motion": False, "check_baud": False, "check_err": False}
+        pulses = round(opening * PULSES_PER_METRE)
+        self._call("moving the gripper", self._api.set_gripper_position, pulses, **options)
+
+    def gripper_opening(self) -> float:
+        """Measured opening, metres."""
+        pulses = self._call("reading the gripper", self._api.get_gripper_position, check_baud=False)
+        return float(pulses) / PULSES_PER_METRE
+
+    def halt(self) -> None:
+        """Stop the arm now and have the controller confirm it.
+
+        Raises:
+            RobotError: not confirmed; the message says to use the emergency stop button.
+        """
+        deadline = time.monotonic() + COMMAND_TIMEOUT
+        while True:
+            code = self._api.set_state(STOP)
+            answer, state = self._api.get_state()
+            if code == 0 and answer == 0 and state == STOP:
+                return
+            if time.monotonic() > deadline:
+                raise RobotError(
+                    f"stop was not confirmed by the controller at {self._address} (code {code}, "
+                    f"state {state}); press the emergency stop button"
+                )
+
+    def error_code(self) -> int:
+        """The controller's error code now, 0 if none (the SDK's own value is up to 0.2 s old)."""
+        return int(self._call("reading the error code", self._api.get_err_warn_code)[0])
+
+    def clear_error(self) -> None:
+        """Clear error and warning and enable the motors; the arm stays stopped.
+
+        Raises:
+            RobotError: the error came back or stayed (an emergency stop button still pressed, say).
+        """
+        self._call("clearing the error", self._api.clean_error)
+        self._call("clearing the warning", self._api.clean_warn)
+        self._call("enabling the motors", self._api.motion_enable, True)
+        self._check_error_free()
+
+    def _connect(self, patience: float) -> None:
+        self._api.register_report_callback(lambda _: self._reported.set())
+        deadline = time.monotonic() + patience
+        while reason := self._try_to_connect():
+            if time.monotonic() >= deadline:
+                raise RobotError(f"no xArm controller at {self._address}: {reason}; check address, cable and power")
+            time.sleep(RETRY_INTERVAL)
+        self._api.set_timeout(COMMAND_TIMEOUT)
+        if not self._reported.wait(REPORT_TIMEOUT):
+            self._api.disconnect()
+            raise RobotError(
+                f"the controller at {self._address} answers but sends no status reports (port 30002); "
+                "is the port blocked, or is another client holding too many connections?"
+            )
+
+    def _try_to_connect(self) -> str:
+        """Why it did not work, empty if it did."""
+        failure: list[Exception] = []
+
+        def connect() -> None:
+            try:
+                self._api.connect()
+            except Exception as error:  # the SDK raises bare Exception
+                failure.append(error)
+
+        worker = threading.Thread(target=connect, name="xarm-connect", daemon=True)
+        worker.start()
+        worker.join(CONNECT_TIMEOUT)
+        if not worker.is_alive() and not failure and self._api.connected:
+            return ""
+        self._api.disconnect()
+        return str(failure[0]) if failure else f"no answer within {CONNECT_TIMEOUT:.0f} s"
+
+    def _enter_mode(self, mode: int) -> None:
+        self._call(f"entering mode {mode}", self._api.set_mode, mode)
+        # A mode change leaves the controller in state 5, where it refuses motion until this.
+        self._call("making the arm ready", self._api.set_state, RUN)
+        deadline = time.monotonic() + REPORT_TIMEOUT
+        while self._api.mode != mode:  # no register tells the mode, only the reports do
+            if time.monotonic() > deadline:
+                raise RobotError(
+                    f"the controller at {self._address} did not report mode {mode} within "
+                    f"{REPORT_TIMEOUT:.0f} s; are its status reports (port 30002) still coming?"
+                )
+            time.sleep(POLL_INTERVAL)
+
+    def _check_error_free(self) -> None:
+        code = self.error_code()
+        if code:
+            raise RobotError(self._describe_error(code))
+
+    def _call(self, doing: str, function: Callable[..., Any], *values: Any, **options: Any) -> Any:
+        """Call the SDK, check its return code, give the value that came with it (None if none did)."""
+        try:
+            result = function(*values, **options)
+        except (ValueError, IndexError, TypeError) as error:  # the SDK trips over short replies
+            raise RobotError(f"{doing}: unusable answer from the controller at {self._address}: {error}") from error
+        # Functions that return (code, value) return a bare code in some error branches.
+        code, value = result if isinstance(result, tuple) else (result, None)
+        self._check(code, doing)
+        return value
+
+    def _check(self, code: int, doing: str) -> None:
+        if code in (0, HAS_WARNING):
+            return
+        if code == HAS_ERROR:
+            raise RobotError(f"{doing}: {self._describe_error(self.error_code())}")
+        if not self._api.connected:
+            raise RobotError(f"{doing}: connection to the controller at {self._address} is lost; connect again")
+        if code == NO_ANSWER:
+            raise RobotError(
+                f"{doing}: no answer from the controller at {self._address} within {COMMAND_TIMEOUT} s; "
+                "it hangs or the network is down"
+            )
+        if code == NOT_READY:
+            raise RobotError(f"{doing}: the arm was stopped or disabled from elsewhere; look at it, then plan again")
+        raise RobotError(f"{doing}: the controller at {self._address} refused (SDK code {code})")
+
+    def _describe_error(self, code: int) -> str:
+        title = ControllerErrorCodeMap.get(code, {}).get("en", {}).get("title", "unknown")
+        return f"controller error {code} ({title}); look at the arm, remove the cause, then clear the error"
+
+
+@contextlib.contextmanager
+def _process_settings_kept() -> Iterator[None]:
+    """Undo what the SDK does to the whole process: prints on stdout, a default timeout for every socket."""
+    timeout = socket.getdefaulttimeout()
+    try:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield
+    finally:
+        socket.setdefaulttimeout(timeout)

@@ -1,0 +1,80 @@
+"""What the arm really did: measured while a plan runs."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.robot import Transform
+
+Progress = Callable[[float, Transform], None]
+"""Called while a plan runs with the share done (0..1) and the measured tool pose in the world."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExecutedMotion:
+    """What the tool really did while a plan ran, measured by the controller. Frame `world`."""
+
+    start_ns: int
+    """When the plan started, nanoseconds since the epoch."""
+    times: np.ndarray
+    """[S] float64, seconds since the plan started (the approach to its first waypoint is not included)."""
+    positions: np.ndarray
+    """[S, 3] float64, tool position, metres."""
+    quaternions: np.ndarray
+    """[S, 4] float64, tool orientation, x y z w."""
+    gripper_opening: np.ndarray
+    """[S] float64, metres, measured at 5 Hz and held; NaN without a gripper."""
+    completed: bool
+    """False when a stop ended the motion early."""
+
+
+class Recorder:
+    """Collects measurements from the start of the plan on."""
+
+    def __init__(
+        self,
+        measure_pose: Callable[[], Transform],
+        measure_opening: Callable[[], float],
+        duration: float,
+        on_progress: Progress | None,
+    ) -> None:
+        """`duration` is the plan's, in seconds; `measure_opening` gives metres."""
+        self._measure_pose = measure_pose
+        self._measure_opening = measure_opening
+        self._duration = duration
+        self._on_progress = on_progress
+        self._began = time.monotonic()
+        self._start_ns = time.time_ns()
+        self._opening = float("nan")
+        self._times: list[float] = []
+        self._poses: list[Transform] = []
+        self._openings: list[float] = []
+
+    def begin(self) -> None:
+        """The plan starts now."""
+        self._began = time.monotonic()
+        self._start_ns = time.time_ns()
+
+    def sample(self, clock: float | None = None, gripper: bool = True) -> None:
+        """Measure once; `clock` is the plan time, None when the plan is not running."""
+        pose = self._measure_pose()
+        self._times.append(time.monotonic() - self._began)
+        if gripper:
+            self._opening = self._measure_opening()
+        self._poses.append(pose)
+        self._openings.append(self._opening)
+        if self._on_progress and clock is not None:
+            self._on_progress(min(clock / self._duration, 1.0) if self._duration > 0 else 1.0, pose)
+
+    def executed(self, completed: bool) -> ExecutedMotion:
+        """Everything measured so far."""
+        return ExecutedMotion(
+            start_ns=self._start_ns,
+            times=np.array(self._times),
+            positions=np.array([pose.translation for pose in self._poses]).reshape(-1, 3),
+            quaternions=np.array([pose.quaternion for pose in self._poses]).reshape(-1, 4),
+            gripper_opening=np.array(self._openings),
+            completed=completed,
+        )

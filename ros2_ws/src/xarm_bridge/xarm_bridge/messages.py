@@ -1,0 +1,53 @@
+"""Poses and executed motions as ROS messages, and what a message says about a plan."""
+
+from builtin_interfaces.msg import Time
+from egophys_msgs.action import ExecutePlan
+from egophys_ros_common.conversions import NANOSECONDS, time_message, world_header
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, TransformStamped, Vector3
+from nav_msgs.msg import Path
+
+from egophys_core.robot import Transform
+from xarm_bridge.executed import ExecutedMotion
+
+
+def pose_message(pose: Transform, stamp: Time) -> PoseStamped:
+    """A pose in the world."""
+    x, y, z = pose.translation.tolist()
+    return PoseStamped(
+        header=world_header(stamp),
+        pose=Pose(position=Point(x=x, y=y, z=z), orientation=_quaternion(pose)),
+    )
+
+
+def base_frame_message(world_to_base: Transform, base_frame: str, stamp: Time) -> TransformStamped:
+    """Where the robot's base stands in the world.
+
+    tf names the parent frame first and gives the child's pose in it, which is the inverse of the transform
+    that takes world coordinates to base coordinates.
+    """
+    base_in_world = world_to_base.inverse()
+    message = TransformStamped(header=world_header(stamp), child_frame_id=base_frame)
+    x, y, z = base_in_world.translation.tolist()
+    message.transform.translation = Vector3(x=x, y=y, z=z)
+    message.transform.rotation = _quaternion(base_in_world)
+    return message
+
+
+def result_message(executed: ExecutedMotion) -> ExecutePlan.Result:
+    """The measured motion; each pose carries the time it was measured at."""
+    poses = []
+    for index, time in enumerate(executed.times):
+        stamp = time_message(executed.start_ns + round(float(time) * NANOSECONDS))
+        pose = Transform.from_quaternion(executed.positions[index], executed.quaternions[index])
+        poses.append(pose_message(pose, stamp))
+    return ExecutePlan.Result(
+        success=executed.completed,
+        message="executed" if executed.completed else "stopped before the end of the plan",
+        executed=Path(header=world_header(time_message(executed.start_ns)), poses=poses),
+        gripper_opening_m=executed.gripper_opening.tolist(),
+    )
+
+
+def _quaternion(pose: Transform) -> Quaternion:
+    x, y, z, w = pose.quaternion.tolist()
+    return Quaternion(x=x, y=y, z=z, w=w)

@@ -1,0 +1,230 @@
+"""bridge_node and emulator as installed processes over DDS: plans, refusals, stop, cancel, recovery."""
+
+import dataclasses
+import itertools
+import os
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from action_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticArray
+from egophys_msgs.action import ExecutePlan
+from egophys_ros_common.conversions import plan_message
+from egophys_ros_common.processes import MESSAGE_TIMEOUT
+from egophys_ros_common.qos import latched
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from lifecycle_msgs.msg import Transition
+from std_srvs.srv import Trigger
+
+from egophys_core.robot import Calibration
+from egophys_core.waypoint_plan import WaypointPlan
+
+pytestmark = pytest.mark.ros
+
+CONFIG = Path(__file__).resolve().parents[2] / "ros2_ws/src/xarm_bridge/config"
+CALIBRATION = CONFIG / "world_to_base.yaml"
+NODE = "/bridge_node"
+EXECUTE = f"{NODE}/execute"
+ADDRESSES = (f"127.{101 + os.getpid() // 256 % 100}.{os.getpid() % 256}.{index}" for index in itertools.count(2))
+
+
+def make_plan(positions, times):
+    return WaypointPlan(
+        times=np.array(times, float),
+        positions=np.array(positions, float),
+        quaternions=np.tile([1.0, 0.0, 0.0, 0.0], (len(times), 1)),
+        gripper_opening=np.full(len(times), 0.05),
+        twin_id="",
+        predicted_cost=0.0,
+    )
+
+
+SHORT = make_plan([[-0.1, 0.0, 0.12], [0.0, 0.0, 0.12], [0.0, 0.1, 0.12]], [0.0, 0.6, 1.2])
+LONG = make_plan([[-0.1, 0.0, 0.12], [0.1, 0.2, 0.12]], [0.0, 15.0])
+
+
+def goal(plan):
+    return ExecutePlan.Goal(plan=plan_message(plan))
+
+
+def position(message):
+    point = message.pose.position
+    return np.array([point.x, point.y, point.z])
+
+
+@pytest.fixture
+def bridge(start_node):
+    """Emulator and bridge, configured with the files that are shipped; not started yet."""
+    address = next(ADDRESSES)
+
+    def start(*emulator_arguments, **parameters):
+        emulator = start_node("xarm_bridge", "emulator", "--host", address, *emulator_arguments)
+        emulator.wait_for_output("ready on")
+        values = {"robot_ip": address, "calibration_file": CALIBRATION, **parameters}
+        words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+        file = str(CONFIG / "bridge.yaml")
+        node = start_node("xarm_bridge", "bridge_node", "--ros-args", "--params-file", file, *words)
+        return node, emulator
+
+    return start
+
+
+def start_long_plan(client):
+    """Send the long plan; its handle, once it is under way."""
+    moving = threading.Event()
+    handle = client.send_goal(
+        ExecutePlan, EXECUTE, goal(LONG), lambda feedback: feedback.progress > 0.02 and moving.set()
+    )
+    assert handle.accepted
+    assert moving.wait(MESSAGE_TIMEOUT), "no feedback of the plan's progress"
+    return handle
+
+
+def test_a_plan_is_executed_and_measured(bridge, client):
+    bridge()
+    client.start(NODE)
+    shares = []
+    handle = client.send_goal(ExecutePlan, EXECUTE, goal(SHORT), lambda each: shares.append(each.progress))
+    assert handle.accepted
+    ended = client.result(handle)
+    assert ended.status == GoalStatus.STATUS_SUCCEEDED
+    assert ended.result.success
+    path = np.array([position(pose) for pose in ended.result.executed.poses])
+    for waypoint in SHORT.positions:
+        assert np.linalg.norm(path - waypoint, axis=1).min() < 0.006
+    stamps = [pose.header.stamp.sec + 1e-9 * pose.header.stamp.nanosec for pose in ended.result.executed.poses]
+    assert stamps == sorted(stamps)
+    assert ended.result.executed.header.frame_id == "world"
+    assert ended.result.gripper_opening_m[-1] == pytest.approx(0.05, abs=1e-3)
+    assert shares == sorted(shares)
+    np.testing.assert_allclose(
+        position(client.message(PoseStamped, f"{NODE}/tool_pose")), SHORT.positions[-1], atol=1e-4
+    )
+
+
+def test_it_tells_where_the_robot_stands(bridge, client):
+    bridge()
+    assert client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+    message = client.message(TransformStamped, f"{NODE}/world_to_base", qos=latched())
+    assert (message.header.frame_id, message.child_frame_id) == ("world", "link_base")
+    base = Calibration.load(CALIBRATION).world_to_base.inverse().translation
+    translation = message.transform.translation
+    np.testing.assert_allclose([translation.x, translation.y, translation.z], base, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("index", "value", "reason"),
+    [(1, [0.0, 0.0, 0.6], "waypoint 1"), (2, [0.0, np.nan, 0.12], "not finite")],
+    ids=["outside", "nan"],
+)
+def test_an_illegal_plan_is_rejected_and_nothing_moves(bridge, client, index, value, reason):
+    bridge()
+    client.start(NODE)
+    before = position(client.message(PoseStamped, f"{NODE}/tool_pose"))
+    positions = SHORT.positions.copy()
+    positions[index] = value
+    handle = client.send_goal(ExecutePlan, EXECUTE, goal(dataclasses.replace(SHORT, positions=positions)))
+    assert not handle.accepted
+    client.message(
+        DiagnosticArray,
+        "/diagnostics",
+        lambda array: any(reason in status.message for status in array.status),
+    )
+    after = position(client.message(PoseStamped, f"{NODE}/tool_pose"))
+    np.testing.assert_allclose(after, before, atol=1e-6)
+
+
+def test_stop_in_the_middle_of_a_plan(bridge, client):
+    bridge()
+    client.start(NODE)
+    handle = start_long_plan(client)
+    assert not client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)).accepted, "one plan at a time"
+    answer = client.call(Trigger, f"{NODE}/stop")
+    assert answer.success, answer.message
+    ended = client.result(handle)
+    assert ended.status == GoalStatus.STATUS_ABORTED
+    assert not ended.result.success
+    halted = position(ended.result.executed.poses[-1])
+    assert np.linalg.norm(halted - LONG.positions[-1]) > 0.1
+    np.testing.assert_allclose(position(client.message(PoseStamped, f"{NODE}/tool_pose")), halted, atol=1e-4)
+    after = client.result(client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)))
+    assert after.result.success, after.result.message
+
+
+def test_cancel_in_the_middle_of_a_plan(bridge, client):
+    bridge()
+    client.start(NODE)
+    handle = start_long_plan(client)
+    client.cancel(handle)
+    ended = client.result(handle)
+    assert ended.status == GoalStatus.STATUS_CANCELED
+    assert len(ended.result.executed.poses) > 0
+
+
+def test_stop_works_while_inactive(bridge, client):
+    bridge()
+    assert client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+    answer = client.call(Trigger, f"{NODE}/stop")
+    assert answer.success, answer.message
+    assert not client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)).accepted
+
+
+def test_a_controller_error_is_told_and_cleared(bridge, client):
+    bridge("--fault", "error=31@3")
+    client.start(NODE)
+    ended = client.result(client.send_goal(ExecutePlan, EXECUTE, goal(LONG)))
+    assert ended.status == GoalStatus.STATUS_ABORTED
+    assert "controller error 31" in ended.result.message
+    answer = client.call(Trigger, f"{NODE}/clear_error")
+    assert answer.success, answer.message
+    after = client.result(client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)))
+    assert after.result.success, after.result.message
+
+
+def test_deactivating_stops_the_arm_and_cleanup_allows_another_start(bridge, client):
+    node, _ = bridge()
+    client.start(NODE)
+    start_long_plan(client)
+    assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
+    assert client.change_state(NODE, Transition.TRANSITION_CLEANUP)
+    client.start(NODE)
+    ended = client.result(client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)))
+    assert ended.result.success, ended.result.message
+    start_long_plan(client)
+    assert node.interrupt() == 0, "Ctrl-C in the middle of a plan"
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value"),
+    [("calibration_file", "/nowhere.yaml"), ("robot_ip", "127.200.0.1"), ("max_speed_m_s", "0.5")],
+)
+def test_a_configuration_that_cannot_work_is_refused(bridge, client, parameter, value):
+    node, _ = bridge(**{parameter: value, "connect_patience_s": 0.0})
+    assert not client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+    assert client.state_of(NODE) == "unconfigured"
+    assert "cannot configure" in node.output
+
+
+def test_it_starts_by_itself_and_waits_for_the_controller(start_node, client):
+    """As the launch file starts both: at once, and with the ROS arguments that launch appends."""
+    address = next(ADDRESSES)
+    values = {"robot_ip": address, "calibration_file": CALIBRATION, "autostart": True}
+    words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
+    start_node("xarm_bridge", "bridge_node", "--ros-args", *words)
+    start_node("xarm_bridge", "emulator", "--host", address, "--ros-args", "-r", "__node:=emulator")
+    client.wait_for_state(NODE, "active")
+
+
+def test_a_dead_controller_ends_the_plan_with_a_message(bridge, client):
+    _, emulator = bridge()
+    client.start(NODE)
+    handle = start_long_plan(client)
+    emulator.kill()
+    ended = client.result(handle)
+    assert ended.status == GoalStatus.STATUS_ABORTED
+    assert "127." in ended.result.message
+    answer = client.call(Trigger, f"{NODE}/stop")
+    assert not answer.success
+    assert "emergency stop button" in answer.message

@@ -31,3 +31,7 @@ class PlanningError(EgophysError):
 
 class RobotError(EgophysError):
     """A motion is refused before anything moves, or the arm reported a fault."""
+
+
+class OutputError(EgophysError):
+    """A result cannot be written where it was asked for."""

@@ -1,9 +1,10 @@
 """Writing files so that nothing half-written is ever left at a final path."""
 
-import hashlib
 import os
 import tempfile
 from pathlib import Path
+
+from egophys_core.errors import OutputError
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -32,7 +33,15 @@ def write_atomically(path: Path, content: bytes) -> None:
         os.close(folder)
 
 
-def sha256_of_file(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file's content."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+def require_writable(path: Path) -> None:
+    """Check that a file can be written, before the work that makes its content.
+
+    Raises:
+        OutputError: its folder does not exist or may not be written to, or it is a folder itself.
+    """
+    if not path.parent.is_dir():
+        raise OutputError(f"cannot write {path}: folder {path.parent} does not exist; create it first")
+    if not os.access(path.parent, os.W_OK):
+        raise OutputError(f"cannot write {path}: no right to write in {path.parent}")
+    if not path.name or path.is_dir():
+        raise OutputError(f"cannot write {path}: it is a folder; give a file name")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+from array import array
 from collections.abc import Mapping
 from enum import Enum
 from typing import Any, TypeVar
@@ -13,6 +14,11 @@ T = TypeVar("T")
 
 def number(default: Any, *, low: float, high: float, doc: str) -> Any:
     """A numeric option with its range, both ends allowed; `doc` is shown by --help and ros2 param describe."""
+    return dataclasses.field(default=default, metadata={"low": low, "high": high, "doc": doc})
+
+
+def vector(default: tuple[float, ...], *, low: float, high: float, doc: str) -> Any:
+    """An option of several numbers, each in the same range, both ends allowed."""
     return dataclasses.field(default=default, metadata={"low": low, "high": high, "doc": doc})
 
 
@@ -30,7 +36,8 @@ def validate(options: Any) -> None:
     for field in dataclasses.fields(options):
         value = getattr(options, field.name)
         low, high = field.metadata.get("low"), field.metadata.get("high")
-        if low is not None and not low <= value <= high:
+        values = value if isinstance(value, tuple) else (value,)
+        if low is not None and not all(low <= each <= high for each in values):
             raise OptionsError(f"{field.name} must be in {low:g} .. {high:g}, got {value}")
 
 
@@ -65,13 +72,15 @@ def _convert(name: str, value: Any, default: Any) -> Any:
             return kind(value)
         except ValueError:
             raise OptionsError(f"{name} must be one of {', '.join(kind)}, got {value!r}") from None
-    if kind is bool or isinstance(value, bool):
+    if kind is tuple:
+        # YAML, JSON and ROS parameters have lists and arrays, which are no tuples.
+        if isinstance(value, list | tuple | array) and len(value) == len(default):
+            return tuple(_convert(f"{name}[{index}]", each, default[index]) for index, each in enumerate(value))
+        raise OptionsError(f"{name} must be {len(default)} numbers, got {value!r}")
+    # In Python a bool is an int; `generations: yes` must not be 1.
+    if isinstance(value, bool) == (kind is bool):
+        if kind is float and isinstance(value, int | float):
+            return float(value)
         if isinstance(value, kind):
             return value
-    elif kind is float and isinstance(value, int | float):
-        return float(value)
-    elif kind is tuple and isinstance(value, list | tuple) and len(value) == len(default):
-        return tuple(_convert(f"{name}[{index}]", each, default[index]) for index, each in enumerate(value))
-    elif isinstance(value, kind):
-        return value
     raise OptionsError(f"{name} must be of type {kind.__name__}, got {value!r}")

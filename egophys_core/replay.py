@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rosbags.serde import SerdeError
 
 from egophys_core.errors import EgophysError, RecordingError
 from egophys_core.identification import FitOptions, build_twin
@@ -109,14 +110,31 @@ class _Log:
         return self._records[topic][-1] if topic in self._records else None
 
     def decode(self, record: Record) -> Any:
-        return self._types.deserialize_cdr(record.cdr, record.type)
+        try:
+            return self._types.deserialize_cdr(record.cdr, record.type)
+        except SerdeError as error:
+            raise RecordingError(f"{self.path}: a message on {record.topic} is not readable: {error}") from error
+
+    def decode_json(self, record: Record, required: Sequence[str]) -> dict[str, Any]:
+        """The JSON object in a std_msgs/String, which must have the `required` keys."""
+        text = self.decode(record).data
+        try:
+            content = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise RecordingError(f"{self.path}: {record.topic} is not JSON: {error}") from error
+        missing = [key for key in required if not isinstance(content, dict) or key not in content]
+        if missing:
+            raise RecordingError(
+                f"{self.path}: {record.topic} lacks {', '.join(missing)}; was the log made by another version?"
+            )
+        return dict(content)
 
 
 def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
     described = log.last(f"{twin_node}/training/build")
     if described is None:
         return _not_recorded("build", f"the log has no {twin_node}/training/build: the twin was not built in it")
-    build = json.loads(log.decode(described).data)
+    build = log.decode_json(described, ("seed", "options", "parent_id", "episodes"))
     topics = f"{twin_node}/training/object_points", f"{twin_node}/training/controller_points"
     frames = [int(episode["frames"]) for episode in build["episodes"]]
     # The newest build's points are the last ones. Latched messages reach a recorder in any order, so receive
@@ -162,7 +180,7 @@ def _replay_plan(log: _Log, twin_node: str, planner_node: str, progress: Progres
     problem, target, plan = (log.last(name) for name in names)
     if problem is None or target is None or plan is None:
         return _not_recorded("plan", f"a finished plan needs {', '.join(names)}")
-    described = json.loads(log.decode(problem).data)
+    described = log.decode_json(problem, ("seed", "options", "twin_id"))
     twin = _twin_with_id(log, twin_node, described["twin_id"])
     if twin is None:
         return _not_recorded("plan", f"the log has no model of twin {described['twin_id']}, which it was planned with")

@@ -62,7 +62,7 @@ def main() -> int:
     parser.add_argument("--episode", type=Path, default=EPISODE, help="episode to build from")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for twin, log and picture")
     parser.add_argument("--target-frame", type=int, default=100, help="the shape seen in this frame is the target")
-    parser.add_argument("--generations", type=int, default=20, help="generations of the fit (the paper's: 50)")
+    parser.add_argument("--generations", type=int, default=16, help="generations of the fit (the paper: 50)")
     parser.add_argument("--seed", type=int, default=0)
     parsed = parser.parse_args()
     # A graph of its own, on this machine only: nodes that already run are left alone.
@@ -208,42 +208,31 @@ def act(client, kind, name, goal, label, describe, timeout_s):  # type: ignore[n
 def report(parsed: argparse.Namespace, episode: Episode, folder: Path, outcomes: Outcomes) -> int:
     """Evaluate, replay, draw, and print the tables; 0 if the replay was the same."""
     twin = load_twin(folder / "object.twin")
-    scores, predicted = evaluate_twin(twin, episode)
+    scores, _ = evaluate_twin(twin, episode)
     with console.status("replaying the log"):
         comparisons = replay_log(folder / "log")
     picture = folder / "shapes.png"
-    last = int(np.flatnonzero(episode.visible.any(axis=1))[-1])
-    observed = episode.points[last][episode.visible[last]]
-    draw_shapes(
-        folder / "prediction.png",
-        {
-            f"observed at {episode.times[last]:.1f} s (held out)": observed,
-            f"predicted by the twin for {episode.times[last]:.1f} s": predicted[last, twin.model.graph.surface],
-        },
-        title=f"{episode.name}: track error on the held-out frames {1000 * scores.test_track_m:.1f} mm",
-        ground=twin.ground_height,
-    )
     before, planned, after = outcomes.costs_m
-    first = episode.points[0][episode.visible[0]]
     draw_shapes(
         picture,
         {
-            f"observed at the start\n{1000 * before:.1f} mm from the target": first,
+            f"observed at the start\n{1000 * before:.1f} mm from the target": episode.points[0][episode.visible[0]],
             f"predicted after the plan\n{1000 * planned:.1f} mm": outcomes.predicted,
             f"twin under the executed path\n{1000 * after:.1f} mm": outcomes.executed,
-            f"target: observed at {episode.times[parsed.target_frame]:.1f} s": outcomes.target,
+            f"target\nobserved at {episode.times[parsed.target_frame]:.1f} s": outcomes.target,
         },
-        title="MPPI plan to a target shape (target in grey)",
+        title=f"plan to a target shape (grey), twin of {episode.name}",
         ghost=outcomes.target,
         ground=twin.ground_height,
     )
     hold = hold_flags(episode, find_hands(episode))
     print_scores(f"fit of {episode.name}", {"twin": scores, **baseline_scores(episode, hold)})
     table = Table(title="distance of the object to the target shape (two-way Chamfer, mm)", title_justify="left")
-    for name in ("before planning", "predicted", "after execution (twin driven by the measured tool path)"):
+    for name in ("before planning", "predicted", "after execution*"):
         table.add_column(name, justify="right")
     table.add_row(*(f"{1000 * cost:.1f}" for cost in outcomes.costs_m))
     console.print(table)
+    console.print("* the twin driven by the tool path that the controller reported; nothing real is there to measure")
     for each in comparisons:
         console.print(f"replay {each.step}: {each.outcome} ({each.detail})")
     console.print(f"twin    {folder / 'object.twin'}\nlog     {folder / 'log'}\npicture {picture}", soft_wrap=True)

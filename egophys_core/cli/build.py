@@ -5,8 +5,8 @@ from pathlib import Path
 
 from egophys_core.cli.display import print_json, print_scores, progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.errors import TwinError
 from egophys_core.evaluation import Scores, baseline_scores
+from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, build_twin, find_hands, hold_flags
 from egophys_core.recording import read_episode
 from egophys_core.twin import save_twin
@@ -27,11 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
     options = options_from(parsed, FitOptions)
-    # Found out now, not after minutes of fitting.
-    if not parsed.out.parent.is_dir():
-        raise TwinError(f"cannot write {parsed.out}: folder {parsed.out.parent} does not exist; create it")
-    if parsed.out.is_dir():
-        raise TwinError(f"cannot write {parsed.out}: it is a folder; give a file name")
+    require_writable(parsed.out)
     episodes = [read_episode(path) for path in parsed.episodes]
     with progress_bar() as report:
         twin = build_twin(

@@ -9,7 +9,7 @@ import numpy as np
 from egophys_core.cli.display import progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import PlanningError
-from egophys_core.files import write_atomically
+from egophys_core.files import require_writable, write_atomically
 from egophys_core.planning import PlanOptions, grasp_from_points, plan_to_target, twin_costs
 from egophys_core.recording import read_episode
 from egophys_core.twin import load_twin
@@ -37,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Plan and write."""
+    require_writable(parsed.out)
     options, twin = options_from(parsed, PlanOptions), load_twin(parsed.twin)
     target = _target(parsed.target, parsed.target_frame)
     with progress_bar() as report:

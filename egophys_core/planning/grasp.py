@@ -18,6 +18,9 @@ OPEN = 0.08
 CLOSED_BELOW = 0.02
 """Metres; a gripper less open than this holds."""
 
+UNIT_TOLERANCE = 1e-3
+"""A quaternion's length may differ from 1 by this much."""
+
 FRAME_DURATION = 1.0 / 30.0
 """Seconds between simulated frames of a plan."""
 
@@ -62,6 +65,10 @@ def controls_of_plan(plan: WaypointPlan, grasp: Grasp) -> Controls:
     if not (np.diff(times) > 0).all():
         waypoint = int(np.argmin(np.diff(times) > 0)) + 1
         raise PlanningError(f"plan time does not increase at waypoint {waypoint} (t={times[waypoint]:g} s)")
+    lengths = np.linalg.norm(plan.quaternions, axis=1)
+    if not (np.abs(lengths - 1.0) < UNIT_TOLERANCE).all():
+        waypoint = int(np.argmax(np.abs(lengths - 1.0)))
+        raise PlanningError(f"the quaternion of waypoint {waypoint} has length {lengths[waypoint]:g}; it must be 1")
     closed = np.flatnonzero(plan.gripper_opening < CLOSED_BELOW)
     if len(closed) == 0 or closed[0] == len(times) - 1:
         raise PlanningError(

@@ -57,6 +57,7 @@ def plan_to_target(
         samples = np.stack([_feasible(nominal + each, grasp, options) for each in noise])
         plans = [_plan(sample, grasp, options, twin_id) for sample in samples]
         costs = forward(plans)
+        costs = np.where(np.isfinite(costs), costs, np.inf)
         if not np.isfinite(costs).any():
             raise PlanningError(f"every sample of iteration {iteration} failed in the forward model; lower noise_m")
         cheapest = int(np.argmin(costs))

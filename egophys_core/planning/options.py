@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from egophys_core.options import number, validate
+from egophys_core.errors import OptionsError
+from egophys_core.options import number, validate, vector
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,10 +22,14 @@ class PlanOptions:
     noise_decay: float = number(0.9, low=0.1, high=1.0, doc="factor on the noise after each iteration")
     temperature: float = number(0.1, low=1e-3, high=100.0, doc="lambda over the spread of the costs")
     max_speed_m_s: float = number(0.2, low=0.01, high=2.0, doc="fastest tool motion, m/s")
-    low_m: tuple[float, float, float] = (-0.25, -0.4, 0.0)
-    """Lower corner of the box the tool stays in, metres, world. The default box is the bridge's default workspace."""
-    high_m: tuple[float, float, float] = (0.2, 0.4, 0.5)
-    """Upper corner of the box, metres, world."""
+    low_m: tuple[float, float, float] = vector(
+        (-0.25, -0.4, 0.0), low=-5.0, high=5.0, doc="lower corner of the box the tool stays in, m, world"
+    )
+    high_m: tuple[float, float, float] = vector(
+        (0.2, 0.4, 0.5), low=-5.0, high=5.0, doc="upper corner; the default box is that of the bridge, m, world"
+    )
 
     def __post_init__(self) -> None:
         validate(self)
+        if not all(low < high for low, high in zip(self.low_m, self.high_m, strict=True)):
+            raise OptionsError(f"low_m must be below high_m on every axis, got {self.low_m} and {self.high_m}")

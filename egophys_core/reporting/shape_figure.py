@@ -36,22 +36,23 @@ def draw_shapes(
     everything = np.concatenate([*shapes.values(), *([] if ghost is None else [ghost])])
     low, high = everything.min(axis=0), everything.max(axis=0)
     low[2] = min(low[2], ground)
-    centre, span = (low + high) / 2, float((high - low).max()) * 1.05
-    figure = Figure(figsize=(4.2 * len(shapes), 4.6), layout="tight")
+    size = np.maximum(high - low, 0.05) * 1.05
+    centre = (low + high) / 2
+    figure = Figure(figsize=(4.4 * len(shapes), 3.9))
     FigureCanvasAgg(figure)
-    figure.suptitle(title)
+    figure.suptitle(title, y=0.98)
+    figure.subplots_adjust(left=0.01, right=0.99, bottom=0.02, top=0.80, wspace=0.02)
     for index, (caption, points) in enumerate(shapes.items()):
         axes = figure.add_subplot(1, len(shapes), index + 1, projection="3d")
-        x, y = np.meshgrid(centre[0] + np.array([-0.5, 0.5]) * span, centre[1] + np.array([-0.5, 0.5]) * span)
+        x, y = np.meshgrid(*(centre[axis] + np.array([-0.5, 0.5]) * size[axis] for axis in (0, 1)))
         axes.plot_wireframe(x, y, np.full_like(x, ground), color="0.8", linewidth=0.8)
         if ghost is not None:
             axes.scatter(*ghost.T, s=3, color="0.7")
         axes.scatter(*points.T, s=9, c=points[:, 2], cmap="viridis", vmin=low[2], vmax=high[2])
-        axes.set_title(caption, fontsize=10)
-        axes.set_xlim(centre[0] - span / 2, centre[0] + span / 2)
-        axes.set_ylim(centre[1] - span / 2, centre[1] + span / 2)
-        axes.set_zlim(low[2], low[2] + span)
-        axes.set_box_aspect((1, 1, 1))
+        axes.set_title(caption, fontsize=10, pad=0)
+        for axis, limits in enumerate((axes.set_xlim, axes.set_ylim, axes.set_zlim)):
+            limits(centre[axis] - size[axis] / 2, centre[axis] + size[axis] / 2)
+        axes.set_box_aspect(size, zoom=1.15)
         axes.view_init(*VIEW)
         axes.tick_params(labelsize=6)
     stream = io.BytesIO()

@@ -105,7 +105,7 @@ class TestWithATwin:
         for arguments, reason in (
             ((None, output), "no episode given"),
             ((tmp_path / "absent", output), "absent: no such recording"),
-            ((bag, tmp_path / "absent" / "no.twin"), "no such folder"),
+            ((bag, tmp_path / "absent" / "no.twin"), "does not exist; create it first"),
             ((bag, tmp_path), "must be a file"),
             ((bag, output, '{"generation": 3}'), "unknown option 'generation'; did you mean 'generations'?"),
             ((bag, output, '{"generations": 0}'), "generations must be in 1 .. 10000, got 0"),

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-from array import array
 from enum import Enum
 from typing import Any, TypeVar
 
@@ -26,7 +25,7 @@ def declare_options(node: Node, cls: type[Any]) -> None:
     def check(parameters: list[Parameter]) -> SetParametersResult:
         changed = {each.name: each.value for each in parameters if each.name in names}
         try:
-            _options(cls, {name: node.get_parameter(name).value for name in names} | changed)
+            from_mapping(cls, {name: node.get_parameter(name).value for name in names} | changed)
         except OptionsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -41,7 +40,7 @@ def read_options(node: Node, cls: type[T], options_json: str = "") -> T:
         OptionsError: not a JSON object, an unknown name, a wrong type, or out of range.
     """
     values = {field.name: node.get_parameter(field.name).value for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    return _options(cls, values | parse_options_json(options_json))
+    return from_mapping(cls, values | parse_options_json(options_json))
 
 
 def parse_options_json(options_json: str) -> dict[str, Any]:
@@ -57,21 +56,6 @@ def parse_options_json(options_json: str) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise OptionsError(f"options_json must be a JSON object of names and values, got {options_json}")
     return values
-
-
-def _options(cls: type[T], values: dict[str, Any]) -> T:
-    defaults = {field.name: field.default for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    return from_mapping(cls, {name: _core_value(name, value, defaults) for name, value in values.items()})
-
-
-def _core_value(name: str, value: Any, defaults: dict[str, Any]) -> Any:
-    """A list, which is what parameters and JSON have, as the tuple that options have."""
-    default = defaults.get(name)
-    if not isinstance(default, tuple) or not isinstance(value, list | tuple | array):
-        return value
-    if len(value) != len(default) or not all(isinstance(each, int | float) for each in value):
-        raise OptionsError(f"{name} must be {len(default)} numbers, got {list(value)}")
-    return tuple(float(each) for each in value)
 
 
 def _parameter_value(default: Any) -> Any:

@@ -1,12 +1,12 @@
 """One build as the twin node runs it: check the request, read, fit, save. Imports no ROS."""
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from egophys_core.episode import Episode
-from egophys_core.errors import RecordingError, TwinError
+from egophys_core.errors import RecordingError
+from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, Progress, build_twin
 from egophys_core.recording import read_episode
 from egophys_core.twin import Twin, save_twin
@@ -32,20 +32,14 @@ class BuildRequest:
 
         Raises:
             RecordingError: no recording given, or one does not exist.
-            TwinError: the output cannot be written where it is asked for.
+            OutputError: the twin cannot be written where it is asked for.
         """
         if not self.episode_paths:
             raise RecordingError("no episode given; name at least one recording in episode_paths")
         for path in self.episode_paths:
             if not path.exists():
                 raise RecordingError(f"{path}: no such recording on the machine of the twin node")
-        folder = self.output_path.parent
-        if not self.output_path.name or self.output_path.is_dir():
-            raise TwinError(f"output_path must be a file to write the twin to, got {str(self.output_path)!r}")
-        if not folder.is_dir():
-            raise TwinError(f"{folder}: no such folder to write {self.output_path.name} in; create it first")
-        if not os.access(folder, os.W_OK):
-            raise TwinError(f"{folder}: no right to write {self.output_path.name} there")
+        require_writable(self.output_path)
 
 
 def run_build(request: BuildRequest, *, on_episodes: Callable[[Sequence[Episode]], None], progress: Progress) -> Twin:

@@ -176,7 +176,7 @@ def build_twin(parsed: argparse.Namespace, folder: Path, client: Client) -> Twin
         "/twin_node/build",
         goal,
         "build",
-        lambda f: (f.progress, f"{f.stage}, loss {1000 * f.best_loss:.1f} mm"),
+        lambda f: (f.progress, f"loss {1000 * f.best_loss:.1f} mm" if np.isfinite(f.best_loss) else f.stage),
         BUILD_TIMEOUT_S,
     ).info
 

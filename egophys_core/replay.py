@@ -38,6 +38,9 @@ PLANNER_NODE = "/mppi_planner_node"
 
 NANOSECONDS = 1_000_000_000
 
+JOB_SUCCEEDED = 1
+"""BuildJob.SUCCEEDED of egophys_msgs."""
+
 Progress = Callable[[str, float, float], None]
 """Called with step, share of it done (0..1) and best value so far (metres)."""
 
@@ -134,11 +137,11 @@ def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
     described = log.last(f"{twin_node}/training/build")
     if described is None:
         return _not_recorded("build", f"the log has no {twin_node}/training/build: the twin was not built in it")
-    build = log.decode_json(described, ("seed", "options", "parent_id", "episodes"))
+    build = log.decode_json(described, ("job_id", "seed", "options", "parent_id", "episodes"))
     topics = f"{twin_node}/training/object_points", f"{twin_node}/training/controller_points"
     frames = [int(episode["frames"]) for episode in build["episodes"]]
-    # The newest build's points are the last ones. Latched messages reach a recorder in any order, so receive
-    # times do not tell what belongs together; the twin itself says which episodes it was built from.
+    # The newest build's points are the last ones. Latched topics reach a recorder in any order, so receive
+    # times do not tell what belongs together; within a topic the order is that of the publisher.
     records = [log.records(topic)[-sum(frames) :] for topic in topics]
     if any(len(each) < sum(frames) for each in records):
         found = ", ".join(f"{len(each)} on {topic}" for each, topic in zip(records, topics, strict=True))
@@ -154,9 +157,9 @@ def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
         )
         for episode, (first, last) in zip(build["episodes"], pairwise(bounds), strict=True)
     ]
-    recorded = _twin_built_by(log, twin_node, build)
+    recorded = _result_of_build(log, twin_node, build["job_id"])
     if recorded is None:
-        return _not_recorded("build", f"no twin on {twin_node}/model has the seed and episodes of the last build")
+        return _not_recorded("build", f"{twin_node}/job and {twin_node}/model do not say how the last build ended")
 
     def work() -> tuple[bool, str]:
         twin = build_twin(
@@ -256,15 +259,14 @@ def _twin_with_id(log: _Log, twin_node: str, twin_id: str) -> Twin | None:
     return next((twin for twin in twins if twin.twin_id == twin_id), None)
 
 
-def _twin_built_by(log: _Log, twin_node: str, build: dict[str, Any]) -> Twin | None:
-    """The newest twin in the log with a build's seed and episode names."""
-    names = [episode["name"] for episode in build["episodes"]]
-    for record in reversed(log.records(f"{twin_node}/model")):
-        twin = _twin(log, record)
-        made_by = twin.provenance
-        if made_by.seed == build["seed"] and [episode["name"] for episode in made_by.episodes] == names:
-            return twin
-    return None
+def _result_of_build(log: _Log, twin_node: str, job_id: str) -> Twin | None:
+    """The twin that a build ended with, None if the log does not have its successful end."""
+    ended, model = log.last(f"{twin_node}/job"), log.last(f"{twin_node}/model")
+    if ended is None or model is None:
+        return None
+    job = log.decode(ended)
+    succeeded = job.state == JOB_SUCCEEDED and bytes(job.job_id.uuid).hex() == job_id
+    return _twin(log, model) if succeeded else None
 
 
 def _plan(log: _Log, record: Record) -> WaypointPlan:

@@ -68,7 +68,7 @@ class BuildJobs:
         work = partial(
             run_build,
             job.request,
-            on_episodes=partial(self._node.hand_over, self._topics.publish_training, job.request),
+            on_episodes=partial(self._node.hand_over, self._topics.publish_training, job.id, job.request),
             progress=partial(self._progress, job),
         )
         try:

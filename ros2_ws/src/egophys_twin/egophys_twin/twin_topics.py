@@ -15,6 +15,7 @@ from egophys_ros_common.qos import latched
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String, UInt8MultiArray
+from unique_identifier_msgs.msg import UUID
 
 from egophys_core.episode import Episode
 from egophys_core.options import to_mapping
@@ -48,7 +49,7 @@ class TwinTopics:
         """State of the newest job."""
         self._job.publish(job)
 
-    def publish_training(self, request: BuildRequest, episodes: Sequence[Episode]) -> None:
+    def publish_training(self, job_id: UUID, request: BuildRequest, episodes: Sequence[Episode]) -> None:
         """Everything a build depends on, so that a log is enough to do it again, bit for bit.
 
         The points are kept for late subscribers until the next build: the depth is that of this build, hence
@@ -58,6 +59,7 @@ class TwinTopics:
             {"name": each.name, "frames": each.frames, "ground_height": each.ground_height} for each in episodes
         ]
         build = {
+            "job_id": bytes(job_id.uuid).hex(),
             "seed": request.seed,
             "options": to_mapping(request.options),
             "parent_id": "",

@@ -1,0 +1,178 @@
+"""What a user gets wrong: one line on standard error, exit code 2, nothing written."""
+
+import dataclasses
+import os
+import shutil
+import warnings
+
+import numpy as np
+import pytest
+
+from egophys_core.recording import write_episode
+from egophys_core.twin import load_twin, save_twin
+from tests.cli.conftest import FAST_FIT, FAST_PLAN
+from tests.identification.synthetic import sheet_episode
+
+
+def refused(result: tuple[int, str, str], *parts: object) -> None:
+    """Exit code 2, nothing on standard output, one line with all parts on standard error."""
+    code, out, err = result
+    assert code == 2, err
+    assert out == ""
+    assert err.startswith("egophys ")
+    assert "Traceback" not in err
+    assert len(err.strip().splitlines()) == 1
+    for part in parts:
+        assert str(part) in err
+
+
+def test_missing_bag(egophys, tmp_path):
+    refused(egophys("build", tmp_path / "no.mcap", "--out", tmp_path / "t.twin"), "egophys build:", "no.mcap")
+    assert os.listdir(tmp_path) == []
+
+
+def test_missing_folder_for_the_twin_is_found_before_the_fit(egophys, episode_bag, tmp_path):
+    # A thousand generations would take minutes.
+    out = tmp_path / "nowhere" / "t.twin"
+    refused(egophys("build", episode_bag, "--out", out, "--generations", "1000"), out, "does not exist")
+    refused(egophys("build", episode_bag, "--out", tmp_path, "--generations", "1000"), tmp_path, "is a folder")
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5])
+def test_cut_bag_is_used_as_far_as_it_goes_or_refused(egophys, episode_bag, tmp_path, share):
+    bag = tmp_path / "cut.mcap"
+    content = next(episode_bag.glob("*.mcap")).read_bytes()
+    bag.write_bytes(content[: int(share * len(content))])
+    with warnings.catch_warnings():
+        code, out, err = egophys("build", bag, "--out", tmp_path / "t.twin", *FAST_FIT)
+    assert "cut.mcap" in err
+    assert "byte" in err
+    assert "Traceback" not in err
+    assert code in (0, 2)
+    assert (tmp_path / "t.twin").exists() == (code == 0)
+    if code == 0:
+        assert "warning:" in err
+        assert "written to" in out
+
+
+def test_bag_without_the_points_lists_its_topics(egophys, tmp_path):
+    write_episode(sheet_episode(), tmp_path / "other", object_topic="/cloth/points")
+    refused(
+        egophys("build", tmp_path / "other", "--out", tmp_path / "t.twin"), "no topic /object/points", "/cloth/points"
+    )
+
+
+def test_hand_that_never_comes_near(egophys, tmp_path):
+    episode = sheet_episode()
+    far = dataclasses.replace(episode, controllers=episode.controllers + np.float32([0, 0, 1]))
+    write_episode(far, tmp_path / "far")
+    refused(egophys("build", tmp_path / "far", "--out", tmp_path / "t.twin"), "no hand comes within 0.05 m")
+    assert not (tmp_path / "t.twin").exists()
+
+
+@pytest.mark.parametrize("command", ["evaluate", "simulate"])
+def test_twin_that_is_none(egophys, episode_bag, tmp_path, command):
+    out = ["--out", tmp_path / "bag"] if command == "simulate" else []
+    (tmp_path / "t.twin").write_bytes(b"nothing of the kind")
+    refused(egophys(command, tmp_path / "t.twin", episode_bag, *out), "t.twin is not a twin file")
+    refused(egophys(command, tmp_path / "no.twin", episode_bag, *out), "cannot read twin", "no.twin")
+    assert not (tmp_path / "bag").exists()
+
+
+def test_cut_twin(egophys, twin_file, tmp_path):
+    (tmp_path / "cut.twin").write_bytes(twin_file.read_bytes()[:-100])
+    refused(egophys("info", tmp_path / "cut.twin"), "cut.twin")
+
+
+def test_existing_bag_is_not_overwritten(egophys, twin_file, episode_bag, tmp_path):
+    copy = tmp_path / "towel"
+    shutil.copytree(episode_bag, copy)
+    before = {path.name: path.read_bytes() for path in copy.iterdir()}
+    refused(egophys("simulate", twin_file, episode_bag, "--out", copy), copy, "exists")
+    assert {path.name: path.read_bytes() for path in copy.iterdir()} == before
+
+
+def test_info_of_nothing_and_of_another_file(egophys, tmp_path):
+    refused(egophys("info", tmp_path / "no"), tmp_path / "no")
+    (tmp_path / "text.txt").write_text("hello")
+    refused(egophys("info", tmp_path / "text.txt"), "text.txt")
+
+
+def test_targets_that_are_none(egophys, twin_file, episode_bag, tmp_path):
+    def plan(target, *more):
+        return egophys("plan", twin_file, "--target", target, "--out", tmp_path / "plan.json", *FAST_PLAN, *more)
+
+    refused(plan(tmp_path / "no.npy"), "cannot read target", "no.npy")
+    (tmp_path / "text.npy").write_text("hello")
+    refused(plan(tmp_path / "text.npy"), "cannot read target", "text.npy")
+    np.save(tmp_path / "flat.npy", np.zeros((4, 2)))
+    refused(plan(tmp_path / "flat.npy"), "must be [P, 3] finite points", "(4, 2)")
+    np.save(tmp_path / "pickled.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
+    refused(plan(tmp_path / "pickled.npy"), "cannot read target")
+    frames = sheet_episode().frames
+    refused(plan(episode_bag, "--target-frame", "999"), f"frames 0 .. {frames - 1}, not 999")
+    assert not (tmp_path / "plan.json").exists()
+
+
+def test_missing_folder_for_the_plan_is_found_before_planning(egophys, twin_file, episode_bag, tmp_path, monkeypatch):
+    monkeypatch.setattr("egophys_core.cli.plan.plan_to_target", lambda *_, **__: pytest.fail("planned"))
+    out = tmp_path / "nowhere" / "plan.json"
+    refused(egophys("plan", twin_file, "--target", episode_bag, "--out", out, *FAST_PLAN), "nowhere")
+
+
+def test_missing_folder_for_the_plan(egophys, twin_file, episode_bag, tmp_path):
+    out = tmp_path / "nowhere" / "plan.json"
+    refused(egophys("plan", twin_file, "--target", episode_bag, "--out", out, *FAST_PLAN), out)
+
+
+def test_twin_without_a_grasp_cannot_be_planned_with(egophys, twin_file, episode_bag, tmp_path):
+    twin = dataclasses.replace(load_twin(twin_file), grasp=np.zeros((0, 3), np.float32))
+    save_twin(twin, tmp_path / "t.twin")
+    result = egophys("plan", tmp_path / "t.twin", "--target", episode_bag, "--out", tmp_path / "p.json", *FAST_PLAN)
+    refused(result, "the twin has no grasp")
+
+
+def test_bad_options(egophys, episode_bag, tmp_path):
+    def build(*more):
+        return egophys("build", episode_bag, "--out", tmp_path / "t.twin", *more)
+
+    refused(build("--generations", "0"), "generations must be in 1 .. 10000, got 0")
+    refused(build("--options", tmp_path / "no.yaml"), "no.yaml")
+    for text, part in (
+        ("generation: 3\n", "did you mean 'generations'?"),
+        ("generations: many\n", "generations must be of type int, got 'many'"),
+        ("- 1\n", "name: value"),
+        ("kind: liquid\n", "kind must be one of auto, sheet, solid"),
+    ):
+        (tmp_path / "fit.yaml").write_text(text)
+        refused(build("--options", tmp_path / "fit.yaml"), part)
+
+
+def test_yaml_that_cannot_be_parsed(egophys, episode_bag, tmp_path):
+    (tmp_path / "fit.yaml").write_text("generations: [3\n")
+    code, out, err = egophys("build", episode_bag, "--out", tmp_path / "t.twin", "--options", tmp_path / "fit.yaml")
+    assert (code, out) == (2, "")
+    assert "cannot read options" in err
+    assert "fit.yaml" in err
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["bild"], ["build"], ["build", "x"], ["build", "x", "--out", "y", "--seed", "one"], ["info", "x", "--jsn"]],
+)
+def test_wrong_arguments_show_the_usage(egophys, arguments):
+    code, out, err = egophys(*arguments)
+    assert code == 2
+    assert out == ""
+    assert err.startswith("usage: egophys")
+
+
+def test_stop_by_the_user_is_no_error_and_writes_nothing(egophys, episode_bag, tmp_path, monkeypatch):
+    def stopped(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("egophys_core.cli.build.build_twin", stopped)
+    code, out, err = egophys("build", episode_bag, "--out", tmp_path / "t.twin")
+    assert (code, out) == (130, "")
+    assert "stopped" in err
+    assert os.listdir(tmp_path) == []

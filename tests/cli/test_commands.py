@@ -1,0 +1,179 @@
+"""The story from a shell: build, evaluate, look, simulate, plan."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from egophys_core import __version__
+from egophys_core.cli.main import SUBCOMMANDS
+from egophys_core.identification import FitOptions, build_twin
+from egophys_core.recording import read_episode
+from egophys_core.twin import encode_twin, load_twin
+from tests.cli.conftest import FAST_FIT, FAST_PLAN
+
+METRICS = {f"{part}_{name}_m" for part in ("train", "test", "all") for name in ("chamfer", "track")}
+
+
+@pytest.mark.parametrize("name", [module.NAME for module in SUBCOMMANDS])
+def test_every_subcommand_explains_itself(egophys, name):
+    code, out, err = egophys(name, "--help")
+    assert (code, err) == (0, "")
+    module = next(each for each in SUBCOMMANDS if name == each.NAME)
+    assert module.HELP in " ".join(out.split())
+    assert out.startswith(f"usage: egophys {name}")
+
+
+def test_command_explains_itself_and_tells_its_version(egophys):
+    code, out, _ = egophys("--help")
+    assert code == 0
+    assert all(module.NAME in out for module in SUBCOMMANDS)
+    assert egophys("--version")[:2] == (0, f"egophys {__version__}\n")
+
+
+def test_help_of_options_shows_range_and_default(egophys):
+    _, out, _ = egophys("build", "--help")
+    assert "generations of CMA-ES (1 .. 10000; default 50)" in " ".join(out.split())
+
+
+@pytest.mark.parametrize("name", ["build", "plan"])
+def test_every_option_has_a_description(egophys, name):
+    _, out, _ = egophys(name, "--help")
+    assert "None" not in out
+
+
+def test_built_twin_is_that_of_the_library(twin_file, episode_bag):
+    options = FitOptions(generations=2, population=4, frame_stride=6)
+    assert twin_file.read_bytes() == encode_twin(build_twin([read_episode(episode_bag)], options, seed=0))
+
+
+def test_build_tells_scores_of_twin_and_baselines(egophys_json, episode_bag, tmp_path):
+    content = egophys_json("build", episode_bag, "--out", tmp_path / "t.twin", "--seed", 3, *FAST_FIT)
+    twin = load_twin(tmp_path / "t.twin")
+    assert content["twin_id"] == twin.twin_id
+    assert twin.provenance.seed == 3
+    assert set(content["scores"]) == {"twin", "last observed shape stays", "moves with nearest controller"}
+    assert set(content["scores"]["twin"]) == METRICS
+    assert content["scores"]["twin"] == twin.provenance.scores
+    # What the copying baseline has on the frames it copies is not a number: null, as JSON has no NaN.
+    assert content["scores"]["last observed shape stays"]["train_track_m"] is None
+
+
+def test_build_shows_a_table_in_millimetres(egophys, episode_bag, tmp_path):
+    code, out, err = egophys("build", episode_bag, "--out", tmp_path / "t.twin", *FAST_FIT)
+    assert (code, err) == (0, "")
+    twin = load_twin(tmp_path / "t.twin")
+    assert f"twin {twin.twin_id} written to" in " ".join(out.split())
+    assert f"{1000 * twin.provenance.scores['test_track_m']:.1f}" in out
+    assert "last observed shape stays" in out
+
+
+def test_options_come_from_a_file_and_arguments_win(egophys_json, episode_bag, tmp_path):
+    (tmp_path / "fit.yaml").write_text("generations: 1\npopulation: 4\nframe_stride: 10\nkind: sheet\n")
+    out = tmp_path / "t.twin"
+    egophys_json("build", episode_bag, "--out", out, "--options", tmp_path / "fit.yaml", "--frame-stride", "6")
+    settings = load_twin(out).provenance.settings
+    assert (settings["generations"], settings["frame_stride"], settings["kind"]) == (1, 6, "sheet")
+
+
+def test_evaluate_tells_the_scores_the_twin_was_built_with(egophys_json, twin_file, episode_bag):
+    content = egophys_json("evaluate", twin_file, episode_bag)
+    twin = load_twin(twin_file)
+    assert {name: content[name] for name in METRICS} == twin.provenance.scores
+    assert content["twin_id"] == twin.twin_id
+    assert content["episode"] == "towel"
+    assert set(content["baselines"]) == {"last observed shape stays", "moves with nearest controller"}
+
+
+def test_evaluate_without_json_is_a_table(egophys, twin_file, episode_bag):
+    code, out, err = egophys("evaluate", twin_file, episode_bag)
+    assert (code, err) == (0, "")
+    assert "test TE" in out
+    assert "mm" in out
+
+
+def test_info_of_a_twin(egophys, egophys_json, twin_file):
+    content = egophys_json("info", twin_file)
+    twin = load_twin(twin_file)
+    assert content["twin_id"] == twin.twin_id
+    assert content["nodes"] == 25
+    assert content["springs"] == len(twin.model.graph.springs)
+    assert content["parameters"]["stiffness"] == twin.model.parameters.stiffness
+    assert content["provenance"]["episodes"][0]["name"] == "towel"
+    code, out, _ = egophys("info", twin_file)
+    assert code == 0
+    assert twin.twin_id in out
+
+
+def test_info_of_a_bag(egophys, egophys_json, episode_bag):
+    frames = read_episode(episode_bag).frames
+    content = egophys_json("info", episode_bag)
+    assert {(topic["name"], topic["type"], topic["messages"]) for topic in content["topics"]} == {
+        ("/object/points", "sensor_msgs/msg/PointCloud2", frames),
+        ("/controller/points", "sensor_msgs/msg/PointCloud2", frames),
+    }
+    code, out, _ = egophys("info", episode_bag)
+    assert code == 0
+    assert "/object/points" in out
+
+
+def test_simulated_bag_scores_as_the_twin_does(egophys, egophys_json, twin_file, episode_bag, tmp_path):
+    code, out, err = egophys("simulate", twin_file, episode_bag, "--out", tmp_path / "predicted")
+    assert (code, err) == (0, "")
+    observed, predicted = read_episode(episode_bag), read_episode(tmp_path / "predicted")
+    assert f"{observed.frames} frames of 25 points" in out
+    assert predicted.points.shape == observed.points.shape
+    assert np.array_equal(predicted.controllers, observed.controllers)
+    errors = np.linalg.norm(predicted.points - observed.points, axis=2).mean(axis=1)
+    scores = egophys_json("evaluate", twin_file, episode_bag)
+    assert errors[observed.train_frames :].mean() == pytest.approx(scores["test_track_m"], rel=0.01)
+
+
+def test_plan_to_a_later_frame_of_an_episode(egophys, twin_file, episode_bag, tmp_path):
+    out = tmp_path / "plan.json"
+    arguments = ["plan", twin_file, "--target", episode_bag, "--out", out, "--seed", "4", *FAST_PLAN]
+    code, text, err = egophys(*arguments)
+    assert (code, err) == (0, "")
+    assert "before" in text
+    plan = json.loads(out.read_text())
+    assert plan["twin_id"] == load_twin(twin_file).twin_id
+    assert len(plan["times_s"]) == len(plan["positions_m"]) == len(plan["quaternions_xyzw"])
+    first = out.read_bytes()
+    egophys(*arguments)
+    assert out.read_bytes() == first
+    egophys(*arguments, "--target-frame", "20")
+    assert out.read_bytes() != first
+
+
+def test_target_from_an_array_file(egophys, twin_file, episode_bag, tmp_path):
+    np.save(tmp_path / "target.npy", read_episode(episode_bag).points[-1])
+    for target in (episode_bag, tmp_path / "target.npy"):
+        out = tmp_path / f"{target.name}.json"
+        assert egophys("plan", twin_file, "--target", target, "--out", out, *FAST_PLAN)[0] == 0
+    assert (tmp_path / "towel.json").read_bytes() == (tmp_path / "target.npy.json").read_bytes()
+
+
+def test_fresh_process_prints_json_alone_also_while_kernels_compile(twin_file, episode_bag, tmp_path):
+    # Nothing is cached, so Warp compiles, and says so somewhere else than on standard output.
+    done = subprocess.run(
+        [sys.executable, "-m", "egophys_core.cli.main", "evaluate", str(twin_file), str(episode_bag), "--json"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "WARP_CACHE_PATH": str(tmp_path / "cache")},
+        timeout=240,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert set(json.loads(done.stdout)) >= METRICS
+    assert done.stderr == ""
+
+
+def test_installed_command_is_this_one():
+    command = shutil.which("egophys", path=os.path.dirname(sys.executable))
+    assert command is not None
+    done = subprocess.run([command, "--version"], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == f"egophys {__version__}\n"

@@ -1,0 +1,233 @@
+"""From episodes to a twin: recovery of a known model, determinism, and what is refused."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from egophys_core.errors import EpisodeError, TwinError
+from egophys_core.evaluation import baseline_scores
+from egophys_core.identification import (
+    FitOptions,
+    KindChoice,
+    build_twin,
+    episode_digest,
+    evaluate_twin,
+    find_hands,
+    hold_flags,
+    prepare,
+)
+from egophys_core.identification.coarse import evaluate_candidates, fit_coarse
+from egophys_core.identification.loss import rollout_loss
+from egophys_core.identification.rest_shape import rest_shape
+from egophys_core.identification.search_space import searched_numbers
+from egophys_core.options import to_mapping
+from egophys_core.twin import ObjectKind, connected_components, encode_twin
+from tests.identification.synthetic import (
+    ARRIVAL,
+    FPS,
+    episode_of,
+    known_model,
+    make_episode,
+    sheet_episode,
+    sheet_shape,
+    without,
+)
+from tests.simulation.scenes import sheet_positions
+
+SHORT = FitOptions(generations=4, population=8, frame_stride=4)
+
+
+def test_model_that_made_an_episode_has_no_loss_on_it():
+    episode = sheet_episode()
+    shape = sheet_shape()
+    problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
+    coordinates = np.array([number.start_u for number in searched_numbers(shape.kind)])
+    far = np.full(len(coordinates), 0.9)
+    losses = evaluate_candidates([problem], shape, [coordinates, far], stride=2)
+    # The episode ran through settling from frame 0, the fit starts at rest three frames before the contact.
+    assert losses[0] < 2e-3
+    assert losses[1] > 5 * losses[0]
+
+
+def test_known_stiffness_is_recovered_to_a_low_error_on_held_out_frames():
+    # Twenty times softer than where the search starts, and more damped.
+    made_by = known_model(stiffness_rate=0.25, damping_rate=0.6, friction=0.6)
+    episode = make_episode(made_by, noise_m=5e-4)
+    twin = build_twin([episode], FitOptions(generations=25, population=12, frame_stride=3), seed=1)
+    scores = twin.provenance.scores
+    hold = hold_flags(episode, find_hands(episode))
+    without_physics = min(each.test_track_m for each in baseline_scores(episode, hold).values())
+    assert scores["train_track_m"] < 4e-3
+    assert scores["test_track_m"] < 0.25 * without_physics
+    assert 0.5 < twin.model.parameters.stiffness / made_by.parameters.stiffness < 2.0
+
+
+def test_search_lowers_the_loss_and_never_forgets_its_best():
+    episode = make_episode(known_model(stiffness_rate=0.2, damping_rate=0.7))
+    shape = rest_shape(episode, find_hands(episode), max_nodes=400)
+    problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
+    start = np.array([number.start_u for number in searched_numbers(shape.kind)])
+    start_loss = evaluate_candidates([problem], shape, [start], stride=4)[0]
+    reported = []
+    fit = fit_coarse(
+        [problem],
+        shape,
+        FitOptions(generations=10, population=8, frame_stride=4),
+        seed=0,
+        progress=lambda share, loss: reported.append((share, loss)),
+    )
+    assert fit.history[-1] < 0.7 * start_loss
+    assert fit.history[-1] < fit.history[0]
+    assert (np.diff(fit.history) <= 0).all()
+    assert [loss for _, loss in reported] == list(fit.history)
+    assert [share for share, _ in reported] == pytest.approx(np.arange(1, 11) / 10)
+
+
+def test_same_seed_gives_the_same_twin_to_the_byte_and_another_seed_another():
+    one, same, other = (build_twin([sheet_episode()], SHORT, seed=seed) for seed in (7, 7, 8))
+    assert encode_twin(one) == encode_twin(same)
+    assert one.twin_id == same.twin_id
+    assert one.twin_id != other.twin_id
+    assert not np.array_equal(one.model.stiffness, other.model.stiffness)
+
+
+def test_fit_neither_uses_nor_touches_numpys_global_generator():
+    np.random.seed(123)
+    before = np.random.get_state()[1].copy()
+    one = build_twin([sheet_episode()], SHORT, seed=7)
+    assert np.array_equal(np.random.get_state()[1], before)
+    np.random.seed(5)
+    assert build_twin([sheet_episode()], SHORT, seed=7).twin_id == one.twin_id
+
+
+def test_twin_says_what_made_it():
+    episode = sheet_episode()
+    twin = build_twin([episode], SHORT, seed=3, parent_id="0123456789abcdef")
+    provenance = twin.provenance
+    assert provenance.episodes == ({"name": "synthetic", "sha256": episode_digest(episode)},)
+    assert provenance.settings == to_mapping(SHORT)
+    assert (provenance.seed, provenance.parent_id) == (3, "0123456789abcdef")
+    assert twin.model.kind == ObjectKind.SHEET
+    scores, predicted = evaluate_twin(twin, episode)
+    assert scores.as_dict() == provenance.scores
+    assert predicted.shape == (episode.frames, 25, 3)
+    # The grasp is where the fingers are as the hold begins.
+    assert twin.grasp == pytest.approx(episode.controllers[round(ARRIVAL / FPS)], abs=0.02)
+
+
+def test_points_that_are_seen_now_and_then_are_enough():
+    episode = without(sheet_episode(), frames=slice(20, 60, 3), points=slice(0, 12))
+    twin = build_twin([episode], SHORT, seed=0)
+    assert np.isfinite(list(twin.provenance.scores.values())).all()
+
+
+def test_progress_goes_from_nothing_to_all_and_can_stop_the_build():
+    stages = []
+    build_twin([sheet_episode()], SHORT, seed=0, progress=lambda *report: stages.append(report))
+    shares = [share for _, share, _ in stages]
+    assert shares == sorted(shares)
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert list(dict.fromkeys(stage for stage, _, _ in stages)) == ["prepare", "search", "evaluate", "done"]
+
+    def stop(stage: str, share: float, loss: float) -> None:
+        if stage == "search":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_twin([sheet_episode()], SHORT, seed=0, progress=stop)
+
+
+def test_several_episodes_are_fitted_together_with_the_object_placed_in_each():
+    model = known_model()
+    one = make_episode(model)
+    angle = 0.6
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    moved = (model.graph.positions @ turn.T + [0.1, 0.05, 0]).astype(np.float32)
+    two = make_episode(model, name="second", start=moved, carry=(-0.05, 0.02, 0.1))
+    twin = build_twin([one, two], SHORT, seed=0)
+    assert [each["name"] for each in twin.provenance.episodes] == ["synthetic", "second"]
+    shape = twin.model.graph
+    problem = prepare(two, shape.positions, shape.surface, spacing=0.04)
+    assert np.median(np.linalg.norm(problem.start - moved, axis=1)) < 2e-3
+    assert twin.twin_id != build_twin([one], SHORT, seed=0).twin_id
+
+
+def test_gap_in_the_surface_is_bridged():
+    # Two halves 20 cm apart, out of reach of any spring the search may choose.
+    half = sheet_positions(4, 0.03, 0.004)
+    points = np.concatenate([half, half + np.float32([0.25, 0, 0])])
+    episode = sheet_episode()
+    grasp = points[0] + [0, 0, 0.01]
+    controllers = np.tile(grasp, (40, 3, 1)) + np.maximum(12 - np.arange(40), 0)[:, None, None] * [0, 0, 0.02]
+    episode = episode_of(np.tile(points, (40, 1, 1)), controllers)
+    twin = build_twin([episode], FitOptions(generations=1, population=4, kind=KindChoice.SHEET), seed=0)
+    assert connected_components(len(points), twin.model.graph.springs).max() == 0
+
+
+def test_solid_keeps_its_inner_nodes_unseen():
+    generator = np.random.default_rng(0)
+    direction = generator.normal(size=(60, 3))
+    ball = 0.06 * direction / np.linalg.norm(direction, axis=1, keepdims=True) + [0, 0, 0.06]
+    controllers = np.tile(ball[:1], (30, 2, 1)) + np.maximum(10 - np.arange(30), 0)[:, None, None] * [0, 0, 0.02]
+    episode = episode_of(np.tile(ball, (30, 1, 1)), controllers)
+    twin = build_twin([episode], FitOptions(generations=1, population=4), seed=0)
+    graph = twin.model.graph
+    assert twin.model.kind == ObjectKind.SOLID
+    assert graph.surface.sum() == 60
+    assert len(graph.positions) > 65
+    assert twin.model.parameters.drag > 0
+
+
+def test_hand_that_never_comes_near_is_refused():
+    episode = sheet_episode()
+    away = dataclasses.replace(episode, controllers=episode.controllers + np.float32([0, 0, 2.0]))
+    with pytest.raises(
+        EpisodeError, match=r"synthetic: no hand comes within 0\.05 m of the object, so nothing moves it"
+    ):
+        build_twin([away], SHORT, seed=0)
+
+
+def test_no_episode_and_too_short_ones_are_refused():
+    with pytest.raises(EpisodeError, match="no episode given"):
+        build_twin([], SHORT, seed=0)
+    short = episode_of(np.tile(sheet_positions(), (2, 1, 1)), np.zeros((2, 1, 3)))
+    with pytest.raises(EpisodeError, match="2 frames leave 0 to fit"):
+        build_twin([short], SHORT, seed=0)
+
+
+def test_hold_after_the_train_frames_is_refused_with_the_reason():
+    # Nothing moves in the first 70 %: there is nothing to fit.
+    frames = np.arange(60)
+    controllers = np.tile(sheet_positions()[:1] + [0, 0, 0.01], (60, 1, 1))
+    controllers[:, 0, 2] += np.maximum(50 - frames, 0) * 0.02
+    episode = episode_of(np.tile(sheet_positions(), (60, 1, 1)), controllers)
+    with pytest.raises(EpisodeError, match="synthetic"):
+        build_twin([episode], SHORT, seed=0)
+
+
+def test_controllers_that_jump_out_of_the_world_make_every_candidate_diverge():
+    episode = sheet_episode()
+    wild = episode.controllers.copy()
+    wild[25:] = 1e37
+    with pytest.raises(TwinError, match="every candidate of the coarse fit diverged"):
+        build_twin([dataclasses.replace(episode, controllers=wild)], SHORT, seed=0)
+
+
+def test_digest_changes_with_everything_a_fit_sees():
+    episode = sheet_episode()
+    digests = {episode_digest(episode)}
+    for name in ("points", "controllers", "times"):
+        changed = getattr(episode, name).copy()
+        changed[-1] += np.asarray(1e-3, changed.dtype)
+        digests.add(episode_digest(dataclasses.replace(episode, **{name: changed})))
+    assert len(digests) == 4
+
+
+def test_loss_is_chamfer_plus_track_error():
+    # One vertex 1 cm off along the diagonal of x and y: L1 distance 0.02, Euclidean distance 0.01 sqrt(2).
+    predicted = np.array([[[0.01, 0.01, 0], [5, 5, 5]]])
+    surface, bound = np.array([True, False]), np.array([0])
+    loss = rollout_loss(predicted, surface, bound, np.zeros((1, 1, 3)))
+    assert loss == pytest.approx(0.02 + 0.01 * np.sqrt(2))
+    assert rollout_loss(predicted * np.nan, surface, bound, np.zeros((1, 1, 3))) == np.inf

@@ -1,0 +1,110 @@
+"""The reference simulator against cases worked by hand; the Warp simulator is then held against it."""
+
+import numpy as np
+import pytest
+
+from egophys_core.simulation import Controls
+from tests.reference.simulator import contact, controller_motion, new_holds, projected, simulate, spring_force
+from tests.simulation.scenes import idle_controls, moving_controls, parameters, scene
+
+
+def force(offset, relative_velocity=(0, 0, 0), *, damping=0.0, limit=0.5):
+    return spring_force(
+        np.array(offset, float),
+        np.array(relative_velocity, float),
+        stiffness=10.0,
+        damping=damping,
+        rest=1.0,
+        limit=limit,
+    ).tolist()
+
+
+def test_spring_pulls_when_stretched_and_pushes_when_compressed():
+    assert force((1.2, 0, 0)) == pytest.approx([2.0, 0, 0])
+    assert force((0, -0.6, 0)) == pytest.approx([0, 4.0, 0])
+    # 3-4-5 triangle of length 1.25 m: 2.5 N along it.
+    assert force((0.75, 1.0, 0)) == pytest.approx([1.5, 2.0, 0])
+
+
+def test_spring_softens_beyond_its_strain_limit_in_tension_only():
+    # Strain 2 of at most 0.5: 10 N/m * 0.5 * 1 m.
+    assert force((3.0, 0, 0)) == pytest.approx([5.0, 0, 0])
+    assert force((0.1, 0, 0)) == pytest.approx([-9.0, 0, 0])
+
+
+def test_dashpot_acts_against_the_whole_relative_velocity():
+    assert force((1.0, 0, 0), (0, 2.0, -1.0), damping=0.5) == pytest.approx([0, -1.0, 0.5])
+
+
+def test_upward_force_is_projected_in_the_band_only():
+    alpha = parameters(contact_threshold=0.01, ground_projection=0.25)
+    upward = np.array([1.0, 2.0, 4.0])
+    assert projected(upward, 0.005, alpha).tolist() == [1.0, 2.0, 3.0]
+    assert projected(upward, 0.01, alpha).tolist() == [1.0, 2.0, 4.0]
+    assert projected(upward, -0.001, alpha).tolist() == [1.0, 2.0, 4.0]
+    assert projected(-upward, 0.005, alpha).tolist() == [-1.0, -2.0, -4.0]
+
+
+def test_contact_reverses_what_is_kept_and_brakes_what_slides():
+    alpha = parameters(restitution=0.5, friction=0.2)
+    # Falls from 0.1 m at 2 m/s: touches after 0.05 s, bounces with 1 m/s for 0.05 s.
+    # Friction takes 0.2 * 1.5 * 2 of 3 m/s.
+    velocity, rise = contact(0.1, np.array([3.0, 0, -2.0]), 0.1, alpha)
+    assert velocity == pytest.approx([2.4, 0, 1.0])
+    assert rise == pytest.approx(-0.1 + 0.05)
+    velocity, rise = contact(0.3, np.array([3.0, 0, -2.0]), 0.1, alpha)
+    assert velocity == pytest.approx([3.0, 0, -2.0])
+    assert rise == pytest.approx(-0.2)
+
+
+def test_friction_never_turns_the_sliding_around():
+    velocity, _ = contact(0.0, np.array([0.1, 0, -2.0]), 0.1, parameters(friction=1.0))
+    assert velocity == pytest.approx([0, 0, 0])
+
+
+def test_holds_are_the_nearest_within_the_radius():
+    nodes = np.array([[0.01, 0, 0], [0.02, 0, 0], [0.05, 0, 0], [0.3, 0, 0]])
+    alpha = parameters(controller_radius=0.03, controller_neighbours=3)
+    held = new_holds(nodes, np.zeros((1, 3)), np.array([True]), alpha, flat=False)
+    assert held == [(0, 0, pytest.approx(0.01)), (1, 0, pytest.approx(0.02))]
+    flat = new_holds(nodes, np.zeros((1, 3)), np.array([True]), alpha, flat=True)
+    assert [node for node, _, _ in flat] == [0, 1, 2]
+    assert new_holds(nodes, np.zeros((1, 3)), np.array([False]), alpha, flat=True) == []
+
+
+def test_controller_passes_its_frames_with_the_slope_of_its_neighbours():
+    times = np.array([0.0, 0.1, 0.2, 0.3])
+    path = np.array([0.0, 1.0, 3.0, 4.0])[:, None, None] * [1.0, 0, 0]
+    controls = Controls(times=times, positions=path, hold=np.ones((4, 1), bool))
+    position, velocity = controller_motion(controls, 1, 0.0)
+    assert position[0, 0] == 1.0
+    assert velocity[0, 0] == pytest.approx(15.0)
+    position, velocity = controller_motion(controls, 1, 1.0)
+    assert position[0, 0] == pytest.approx(3.0)
+    assert velocity[0, 0] == pytest.approx(15.0)
+    # Halfway: (p0 + p1) / 2 + h (m0 - m1) / 8, slope 1.5 (p1 - p0) / h - (m0 + m1) / 4.
+    position, velocity = controller_motion(controls, 1, 0.5)
+    assert position[0, 0] == pytest.approx(2.0)
+    assert velocity[0, 0] == pytest.approx(1.5 * 20 - 7.5)
+
+
+def test_two_substeps_of_a_falling_node_by_hand():
+    # v: -1, -2 m/s; z: 1 - 0.1, 0.9 - 0.2.
+    batch = scene([[0, 0, 1.0]], idle_controls(np.array([0.0, 0.2])), gravity=10.0)
+    assert simulate(batch, 0, substeps=2)[1, 0] == pytest.approx([0, 0, 0.7])
+
+
+def test_two_substeps_of_a_held_node_by_hand():
+    # Held 0.1 m off by a point that then moves 0.2 m away in a frame of 0.2 s, at 1 m/s throughout.
+    # Substep 1: no stretch, dashpot 2 N s/m * 1 m/s = 2 N on 0.5 kg: v = 0.4, x = 0.04. The hand is at 0.2.
+    # Substep 2: stretch 0.06 * 50 = 3 N, dashpot 2 * 0.6 = 1.2 N: v = 0.4 + 0.1 * 4.2 / 0.5 = 1.24, x = 0.164.
+    times = np.array([0.0, 0.2])
+    batch = scene(
+        [[0, 0, 0]],
+        moving_controls(times, [[0.1, 0, 0], [0.3, 0, 0]]),
+        mass=0.5,
+        damping=2.0,
+        controller_stiffness=50.0,
+        controller_radius=0.15,
+    )
+    assert simulate(batch, 0, substeps=2)[1, 0] == pytest.approx([0.164, 0, 0])

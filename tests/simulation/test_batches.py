@@ -1,0 +1,216 @@
+"""Many rollouts at once: what they share must not show."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from egophys_core.errors import SimulationError
+from egophys_core.simulation import Controls, batch_of_models, rollout
+from egophys_core.twin import ObjectKind
+from tests.simulation.scenes import frame_times, idle_controls, moving_controls, scene, sheet_model, sheet_positions
+
+COUNT = 13
+"""Two lane groups, the second only partly filled."""
+
+
+def hand_over_sheet(times: np.ndarray, index: int) -> Controls:
+    """Two points near two corners of the sheet that lift it and carry it off, each rollout elsewhere."""
+    generator = np.random.default_rng(index)
+    goal = generator.uniform(-0.1, 0.1, (1, 3)) + [0, 0, 0.12]
+    start = np.array([[-0.07, -0.07, 0.01], [0.07, 0.07, 0.01]])
+    path = start + np.clip((times - 0.15) / 0.5, 0, 1)[:, None, None] * goal
+    hold = np.ones((len(times), 2), bool)
+    hold[: 1 + index % 4] = False
+    hold[len(times) - 8 :, index % 2] = index % 3 == 0
+    return Controls(times=times, positions=path.astype(np.float32), hold=hold)
+
+
+def mixed_batch(kind: ObjectKind = ObjectKind.SHEET):
+    """Thirteen rollouts that differ in springs, parameters and controls."""
+    times = frame_times(1.2, 1 / 30)
+    positions = sheet_positions(4, height=0.004)
+    models = [
+        sheet_model(
+            positions,
+            kind=kind,
+            radius=0.055 + 0.01 * (index % 5),
+            max_neighbours=4 + index % 6,
+            stiffness=10.0 * 3.0 ** (index % 7),
+            damping=0.004 * (1 + index % 4),
+            friction=0.1 * index,
+            restitution=0.05 * (index % 3),
+            drag=0.1 * (index % 2),
+            strain_limit=0.1 + 0.1 * (index % 5),
+            ground_projection=0.1 * (index % 4),
+            controller_stiffness=15.0 * (1 + index % 3),
+            controller_neighbours=1 + index % 6,
+        )
+        for index in range(COUNT)
+    ]
+    return models, [hand_over_sheet(times, index) for index in range(COUNT)]
+
+
+@pytest.mark.parametrize("kind", list(ObjectKind))
+def test_rollout_is_the_same_to_the_bit_alone_and_in_a_batch(kind):
+    models, controls = mixed_batch(kind)
+    together = rollout(batch_of_models(models, controls, ground_height=0.0))
+    together.raise_on_failure()
+    assert np.abs(together.positions[:, -1] - together.positions[:, 0]).max(axis=(1, 2)).min() > 0.01
+    assert len(np.unique(together.substeps)) > 1
+    for index in range(COUNT):
+        alone = rollout(batch_of_models([models[index]], [controls[index]], ground_height=0.0))
+        assert np.array_equal(alone.positions[0], together.positions[index]), f"rollout {index}"
+        assert np.array_equal(alone.velocities[0], together.velocities[index]), f"rollout {index}"
+        assert alone.substeps[0] == together.substeps[index]
+
+
+def test_order_in_the_batch_does_not_matter():
+    models, controls = mixed_batch()
+    forward = rollout(batch_of_models(models, controls, ground_height=0.0))
+    backward = rollout(batch_of_models(models[::-1], controls[::-1], ground_height=0.0))
+    assert np.array_equal(forward.positions, backward.positions[::-1])
+    assert np.array_equal(forward.velocities, backward.velocities[::-1])
+
+
+def test_same_batch_gives_the_same_bits_again():
+    models, controls = mixed_batch()
+    first, second = (rollout(batch_of_models(models, controls, ground_height=0.0)) for _ in range(2))
+    assert np.array_equal(first.positions, second.positions)
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered")
+def test_diverging_rollout_does_not_touch_the_others():
+    models, controls = mixed_batch()
+    wild = controls[5].positions.copy()
+    wild[10:] = 1e38
+    spoilt = [*controls[:5], dataclasses.replace(controls[5], positions=wild), *controls[6:]]
+    good = rollout(batch_of_models(models, controls, ground_height=0.0))
+    bad = rollout(batch_of_models(models, spoilt, ground_height=0.0))
+    assert [failure is None for failure in bad.failures] == [index != 5 for index in range(COUNT)]
+    others = np.arange(COUNT) != 5
+    assert np.array_equal(good.positions[others], bad.positions[others])
+
+
+@pytest.mark.filterwarnings("ignore:overflow encountered")
+def test_divergence_is_reported_with_node_and_time():
+    times = frame_times(1.0, 1 / 20)
+    path = np.tile(np.float32([0.3, 0, 0]), (len(times), 1, 1))
+    path[12:] = 1e38
+    batch = scene(
+        [[0, 0, 0], [0.29, 0, 0]],
+        moving_controls(times, path),
+        mass=0.01,
+        controller_stiffness=10.0,
+        controller_neighbours=1,
+        flat=False,
+    )
+    result = rollout(batch)
+    # The jump to frame 12 is in the central difference at frame 11 and so in the motion between 10 and 11.
+    assert np.isfinite(result.positions[0, :11]).all()
+    assert result.failures[0] is not None
+    assert "not finite at frame 11 (t=0.550 s), node 1, with 30 substeps" in result.failures[0]
+    with pytest.raises(SimulationError, match="rollout 0: position not finite at frame 11"):
+        result.raise_on_failure()
+
+
+def test_impossible_start_velocity_is_reported():
+    batch = scene(
+        [[0, 0, 0], [0.1, 0, 0]],
+        idle_controls(frame_times(0.2, 1 / 30)),
+        springs=[(0, 1)],
+        rest_lengths=[0.1],
+        damping=100.0,
+        velocities=[[0, 0, 0], [3e38, 0, 0]],
+    )
+    assert "not finite at frame 1" in str(rollout(batch).failures[0])
+
+
+def test_turning_the_scene_about_the_vertical_turns_the_motion():
+    angle = 0.7
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+
+    def run(rotation: np.ndarray) -> np.ndarray:
+        positions = sheet_positions(4, height=0.004).astype(np.float64)
+        springs = sheet_model().graph.springs
+        # An arm's length off the axis, sliding on the table while a hand lifts a corner.
+        start = positions + [0.2, 0.1, 0]
+        times = frame_times(0.8, 1 / 30)
+        path = start[0] + [0, 0, 0.02] + np.clip(times - 0.1, 0, 0.4)[:, None] * [0.1, -0.2, 0.3]
+        batch = scene(
+            start @ rotation.T,
+            moving_controls(times, path @ rotation.T),
+            springs=springs,
+            stiffness=15.0,
+            damping=0.02,
+            rest_lengths=np.linalg.norm(positions[springs[:, 0]] - positions[springs[:, 1]], axis=1),
+            mass=0.006,
+            velocities=np.tile([0.3, 0.1, 0], (16, 1)) @ rotation.T,
+            ground_height=0.0,
+            friction=0.5,
+            restitution=0.2,
+            gravity=9.81,
+            drag=0.2,
+            strain_limit=0.3,
+            controller_stiffness=15.0,
+        )
+        return rollout(batch).positions[0]
+
+    plain, turned = run(np.eye(3)), run(turn)
+    assert np.abs(plain[-1] - plain[0]).max() > 0.05
+    assert np.abs(turned - plain @ turn.T).max() < 2e-5
+
+
+def test_progress_is_told_and_can_stop_the_rollout():
+    calls = []
+
+    def stop(done: int, frames: int) -> None:
+        calls.append((done, frames))
+        if done >= 20:
+            raise KeyboardInterrupt
+
+    batch = scene([[0, 0, 0]], idle_controls(frame_times(2.0, 1 / 30)))
+    with pytest.raises(KeyboardInterrupt):
+        rollout(batch, on_frame=stop)
+    assert calls == [(0, 61), (10, 61), (20, 61)]
+
+
+def test_models_of_different_objects_are_refused():
+    controls = [idle_controls(frame_times(0.1, 1 / 30))] * 2
+    with pytest.raises(SimulationError, match="same kind and number of nodes"):
+        batch_of_models([sheet_model(), sheet_model(sheet_positions(3))], controls, ground_height=0.0)
+    with pytest.raises(SimulationError, match="same kind and number of nodes"):
+        batch_of_models([sheet_model(), sheet_model(kind=ObjectKind.SOLID)], controls, ground_height=0.0)
+
+
+def test_models_whose_springs_have_other_rest_lengths_are_kept_apart():
+    models = [sheet_model(), sheet_model(1.5 * sheet_positions(), radius=0.12)]
+    controls = [hand_over_sheet(frame_times(0.8, 1 / 30), 0)] * 2
+    together = rollout(batch_of_models(models, controls, ground_height=-1.0))
+    for index in range(2):
+        alone = rollout(batch_of_models(models[index : index + 1], controls[:1], ground_height=-1.0))
+        assert np.array_equal(together.positions[index], alone.positions[0])
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"stiffness": np.ones((1, 2), np.float32)}, r"stiffness must be \(1, 1\), got \(1, 2\)"),
+        ({"masses": np.ones((1, 3), np.float32)}, r"masses must be \(1, 2\), got \(1, 3\)"),
+        ({"positions": np.zeros((1, 2), np.float32)}, "must be"),
+        ({"positions": np.full((1, 2, 3), np.nan, np.float32)}, "must be finite"),
+        ({"velocities": np.full((1, 2, 3), np.inf, np.float32)}, "must be finite"),
+        ({"controls": ()}, "one control sequence per rollout: 1 and 0"),
+    ],
+)
+def test_ill_formed_batches_are_refused(change, text):
+    batch = scene([[0, 0, 0], [1, 0, 0]], idle_controls(np.array([0.0, 0.1])), springs=[(0, 1)], rest_lengths=[1.0])
+    with pytest.raises(SimulationError, match=text):
+        dataclasses.replace(batch, **change)
+
+
+def test_rollouts_must_share_their_times():
+    models = [sheet_model()] * 2
+    controls = [idle_controls(frame_times(0.1, 1 / 30)), idle_controls(frame_times(0.2, 1 / 30))]
+    with pytest.raises(SimulationError, match="controls of rollout 1 differ from rollout 0"):
+        batch_of_models(models, controls, ground_height=0.0)

@@ -1,0 +1,109 @@
+"""The house: rooms depend downhill, light rooms stay light, modules are small and say what they are."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import egophys_core
+
+PACKAGE = Path(egophys_core.__file__).parent
+MODULES = sorted(PACKAGE.rglob("*.py"))
+ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
+
+BASE = {"errors", "files", "options", "episode", "waypoint_plan"}
+"""Plain modules that any room may use."""
+
+MAY_USE = {
+    "recording": set(),
+    "twin": set(),
+    "robot": set(),
+    "reporting": set(),
+    "simulation": {"twin"},
+    "evaluation": set(),
+    "identification": {"twin", "simulation", "evaluation"},
+    "planning": {"twin", "simulation", "evaluation"},
+    "replay": {"recording", "twin", "identification", "planning"},
+    "cli": {"recording", "twin", "evaluation", "identification", "planning", "replay"},
+}
+"""Which rooms a room may import from besides itself (DESIGN.md: data flow one way, never sideways)."""
+
+HEAVY = ("torch", "rclpy")
+
+
+def room_of(path: Path) -> str:
+    """The room a file is in; a module beside the rooms is one of its own."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return "package" if parts == ("__init__",) else parts[0]
+
+
+def imported_rooms(path: Path) -> set[str]:
+    """Rooms of this package that a file imports from anywhere in it, also inside functions."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        for name in names:
+            parts = name.split(".")
+            if parts[0] == "egophys_core" and len(parts) > 1 and parts[1] != "__version__":
+                found.add(parts[1])
+    return found
+
+
+def modules_after_importing(name: str) -> set[str]:
+    """Top-level modules that a fresh interpreter has loaded after importing one room."""
+    program = f"import sys, {name}; print(' '.join({{each.split('.')[0] for each in sys.modules}}))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    return set(done.stdout.split())
+
+
+def test_every_room_is_in_the_plan():
+    assert set(ROOMS) <= set(MAY_USE)
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_rooms_import_only_downhill(path):
+    room = room_of(path)
+    allowed = BASE | MAY_USE.get(room, set()) | {room}
+    sideways = imported_rooms(path) - allowed
+    assert not sideways, f"{room} imports {', '.join(sorted(sideways))}"
+
+
+def test_plan_of_the_rooms_has_no_circle():
+    done: set[str] = set()
+    while len(done) < len(MAY_USE):
+        ready = {room for room, uses in MAY_USE.items() if uses <= done} - done
+        assert ready, f"circle among {set(MAY_USE) - done}"
+        done |= ready
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_module_says_what_it_is_and_is_small(path):
+    text = path.read_text()
+    assert ast.get_docstring(ast.parse(text)), "no docstring"
+    assert len(text.splitlines()) <= 500
+
+
+@pytest.mark.parametrize("room", [*ROOMS, "replay"])
+def test_importing_a_room_loads_neither_torch_nor_ros(room):
+    name = "egophys_core.cli.main" if room == "cli" else f"egophys_core.{room}"
+    assert not modules_after_importing(name).intersection(HEAVY)
+
+
+@pytest.mark.parametrize("room", ["recording", "twin", "robot", "evaluation", "waypoint_plan"])
+def test_light_rooms_do_not_load_warp(room):
+    assert "warp" not in modules_after_importing(f"egophys_core.{room}")
+
+
+def test_errors_of_this_project_have_one_base():
+    from egophys_core import errors
+
+    kinds = [each for each in vars(errors).values() if isinstance(each, type)]
+    assert len(kinds) > 5
+    assert all(issubclass(kind, errors.EgophysError) for kind in kinds)

@@ -1,0 +1,74 @@
+"""Atomic writing: the old file or the new one, and nothing besides."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from egophys_core.errors import OutputError
+from egophys_core.files import require_writable, write_atomically
+
+
+def test_content_is_written_and_replaced(tmp_path):
+    path = tmp_path / "it"
+    write_atomically(path, b"one")
+    write_atomically(path, b"two")
+    assert path.read_bytes() == b"two"
+    assert os.listdir(tmp_path) == ["it"]
+
+
+def test_others_may_read_the_file(tmp_path):
+    write_atomically(tmp_path / "it", b"one")
+    assert (tmp_path / "it").stat().st_mode & 0o777 == 0o644
+
+
+@pytest.mark.parametrize("step", ["replace", "fsync", "chmod"])
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+def test_failure_at_any_step_leaves_the_old_file_and_no_other(tmp_path, monkeypatch, step, error):
+    path = tmp_path / "it"
+    write_atomically(path, b"old")
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(os, step, fail)
+    with pytest.raises(type(error)):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == ["it"]
+
+
+def test_missing_folder_is_an_oserror(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        write_atomically(tmp_path / "nowhere" / "it", b"one")
+
+
+def test_place_for_a_result_is_checked_before_the_work(tmp_path):
+    require_writable(tmp_path / "it")
+    write_atomically(tmp_path / "it", b"one")
+    require_writable(tmp_path / "it")
+    with pytest.raises(OutputError, match=r"folder .*nowhere does not exist; create it first"):
+        require_writable(tmp_path / "nowhere" / "it")
+    with pytest.raises(OutputError, match="it is a folder; give a file name"):
+        require_writable(tmp_path)
+
+
+def test_killed_writer_leaves_a_whole_file(tmp_path):
+    # A process that rewrites the file over and over is killed in the middle of it, several times.
+    path = tmp_path / "it"
+    old, new = b"a" * 300_000, b"b" * 300_000
+    write_atomically(path, old)
+    program = (
+        "import sys; from pathlib import Path; from egophys_core.files import write_atomically; print(flush=True)\n"
+        "while True:\n"
+        f"    for letter in b'ab': write_atomically(Path({str(path)!r}), bytes([letter]) * 300_000)\n"
+    )
+    for delay in (0.005, 0.02, 0.05):
+        with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as writer:
+            writer.stdout.readline()
+            time.sleep(delay)
+            writer.send_signal(signal.SIGKILL)
+        assert path.read_bytes() in (old, new)

@@ -1,0 +1,266 @@
+"""Replaying a log: what is the same is found the same, and what was changed is noticed."""
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from egophys_core.cli.main import main
+from egophys_core.errors import RecordingError
+from egophys_core.identification import FitOptions, build_twin
+from egophys_core.options import to_mapping
+from egophys_core.planning import (
+    PlanOptions,
+    final_shapes,
+    grasp_from_points,
+    plan_to_target,
+    rollout_plans,
+    twin_costs,
+)
+from egophys_core.recording import read_episode, write_episode
+from egophys_core.replay import Outcome, replay_log
+from tests.cli.loop_log import BYTES, FAILED, RUNNING, SEED, STRING, SUCCEEDED, Entry, Loop, cdr, job, model, write_log
+from tests.identification.synthetic import sheet_episode
+
+FIT = FitOptions(generations=2, population=4, frame_stride=6)
+PLANNING = PlanOptions(waypoints=2, settle_s=0.2, samples=4, iterations=2)
+
+
+@pytest.fixture(scope="module")
+def loop(tmp_path_factory) -> Loop:
+    # From a bag, as the node reads it.
+    folder = tmp_path_factory.mktemp("recorded") / "towel"
+    write_episode(sheet_episode(), folder)
+    episode = read_episode(folder)
+    twin = build_twin([episode], FIT, seed=SEED)
+    target = episode.points[-1]
+    plan, _ = plan_to_target(
+        lambda plans: twin_costs(twin, plans, target),
+        grasp_from_points(twin.grasp),
+        PLANNING,
+        seed=SEED,
+        twin_id=twin.twin_id,
+    )
+    return Loop(
+        episode=episode,
+        options=to_mapping(FIT),
+        twin=twin,
+        target=target,
+        plan_options=to_mapping(PLANNING),
+        plan=plan,
+        predicted=final_shapes(twin, rollout_plans(twin, [plan]))[0],
+    )
+
+
+def outcomes(folder: Path) -> dict[str, str]:
+    return {each.step: str(each.outcome) for each in replay_log(folder)}
+
+
+SAME = {"build": "same", "plan": "same", "prediction": "same"}
+
+
+def test_unchanged_log_is_the_same_in_every_step(loop, tmp_path, capsys):
+    folder = write_log(tmp_path / "log", loop.entries())
+    assert outcomes(folder) == SAME
+    assert main(["replay", str(folder), "--json"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert [step["outcome"] for step in content["steps"]] == ["same"] * 3
+    assert loop.twin.twin_id in content["steps"][0]["detail"]
+
+
+def moved_point(loop: Loop) -> Loop:
+    points = loop.episode.points.copy()
+    points[20, 3, 2] = np.nextafter(points[20, 3, 2], np.float32(1))
+    return dataclasses.replace(loop, episode=dataclasses.replace(loop.episode, points=points))
+
+
+def moved_hand(loop: Loop) -> Loop:
+    controllers = loop.episode.controllers.copy()
+    controllers[20, 0, 0] += 1e-3
+    return dataclasses.replace(loop, episode=dataclasses.replace(loop.episode, controllers=controllers))
+
+
+def moved_target(loop: Loop) -> Loop:
+    return dataclasses.replace(loop, target=loop.target + np.float32(1e-4))
+
+
+def changed_plan(loop: Loop) -> Loop:
+    positions = loop.plan.positions.copy()
+    positions[-1, 0] += 1e-6
+    return dataclasses.replace(loop, plan=dataclasses.replace(loop.plan, positions=positions))
+
+
+def changed_cost(loop: Loop) -> Loop:
+    cost = float(np.nextafter(loop.plan.predicted_cost, 1))
+    return dataclasses.replace(loop, plan=dataclasses.replace(loop.plan, predicted_cost=cost))
+
+
+def changed_prediction(loop: Loop) -> Loop:
+    predicted = loop.predicted.copy()
+    predicted[7, 1] = np.nextafter(predicted[7, 1], np.float32(1))
+    return dataclasses.replace(loop, predicted=predicted)
+
+
+@pytest.mark.parametrize(
+    ("change", "different"),
+    [
+        (moved_point, {"build"}),
+        (moved_hand, {"build"}),
+        (lambda loop: dataclasses.replace(loop, seed=SEED + 1), {"build"}),
+        (lambda loop: dataclasses.replace(loop, options={**loop.options, "frame_stride": 5}), {"build"}),
+        (moved_target, {"plan"}),
+        (lambda loop: dataclasses.replace(loop, plan_seed=SEED + 1), {"plan"}),
+        (lambda loop: dataclasses.replace(loop, plan_options={**loop.plan_options, "noise_m": 0.04}), {"plan"}),
+        (changed_plan, {"plan", "prediction"}),
+        (changed_cost, {"plan"}),
+        (changed_prediction, {"prediction"}),
+        (lambda loop: dataclasses.replace(loop, predicted=loop.predicted[:-1]), {"prediction"}),
+    ],
+    ids=[
+        "point",
+        "hand",
+        "build seed",
+        "build option",
+        "target",
+        "plan seed",
+        "plan option",
+        "waypoint",
+        "cost",
+        "predicted point",
+        "missing predicted point",
+    ],
+)
+def test_change_is_noticed_in_its_step_and_nowhere_else(
+    loop, tmp_path, capsys, change: Callable[[Loop], Loop], different
+):
+    folder = write_log(tmp_path / "log", change(loop).entries())
+    expected = {step: "different" if step in different else "same" for step in SAME}
+    assert outcomes(folder) == expected
+    assert main(["replay", str(folder)]) == 1
+    assert "different" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("topic", "missing"),
+    [
+        ("/twin_node/training/build", {"build"}),
+        ("/twin_node/training/object_points", {"build"}),
+        ("/twin_node/training/controller_points", {"build"}),
+        ("/twin_node/model", {"build", "plan", "prediction"}),
+        ("/mppi_planner_node/problem", {"plan"}),
+        ("/mppi_planner_node/target", {"plan"}),
+        ("/mppi_planner_node/plan", {"plan"}),
+        ("/twin_node/predicted/plan", {"prediction"}),
+        ("/twin_node/predicted/points", {"prediction"}),
+    ],
+)
+def test_step_without_its_topic_is_not_recorded(loop, tmp_path, topic, missing):
+    folder = write_log(tmp_path / "log", [entry for entry in loop.entries() if entry[0] != topic])
+    expected = {step: "not recorded" if step in missing else "same" for step in SAME}
+    assert outcomes(folder) == expected
+    # What was not recorded is no finding.
+    assert main(["replay", str(folder)]) == 0
+
+
+def test_recorder_that_stopped_within_the_training_points_has_no_build(loop, tmp_path):
+    entries = loop.entries()
+    folder = write_log(tmp_path / "log", entries[:11])
+    steps = {each.step: each for each in replay_log(folder)}
+    assert {each.outcome for each in steps.values()} == {Outcome.NOT_RECORDED}
+    lost = [entry for index, entry in enumerate(entries) if index != 5]
+    steps = {each.step: each for each in replay_log(write_log(tmp_path / "lossy", lost))}
+    assert steps["build"].outcome == Outcome.NOT_RECORDED
+    assert f"the build had {loop.episode.frames} frames" in steps["build"].detail
+    assert steps["plan"].outcome == Outcome.SAME
+
+
+def made_with(twin, **provenance):
+    return dataclasses.replace(twin, provenance=dataclasses.replace(twin.provenance, **provenance))
+
+
+@pytest.mark.parametrize(
+    "earlier",
+    [
+        {"seed": SEED + 1},
+        {"episodes": ({"name": "other", "sha256": ""},)},
+        {"settings": to_mapping(FitOptions(generations=9))},
+    ],
+    ids=["seed", "episode", "settings"],
+)
+def test_twin_from_before_a_build_is_not_taken_for_its_result(loop, tmp_path, earlier):
+    # The latched model of an earlier build is in the log, the recorder stopped before the new one.
+    before = [entry for entry in loop.entries() if entry[0].startswith("/twin_node/training")]
+    folder = write_log(tmp_path / "log", [("/twin_node/model", BYTES, model(made_with(loop.twin, **earlier))), *before])
+    assert outcomes(folder)["build"] == "not recorded"
+
+
+def test_latched_messages_may_come_in_any_order(loop, tmp_path):
+    # A recorder that joins late gets each topic's messages in order, but the topics in any order.
+    entries = loop.entries()
+    topics = sorted({topic for topic, _, _ in entries})
+    grouped = [entry for topic in topics for entry in entries if entry[0] == topic]
+    assert outcomes(write_log(tmp_path / "one", grouped)) == SAME
+    backward = [entry for topic in reversed(topics) for entry in entries if entry[0] == topic]
+    assert outcomes(write_log(tmp_path / "other", backward)) == SAME
+
+
+def test_plan_is_replayed_with_the_twin_it_was_made_with(loop, tmp_path):
+    # A later twin is in use when the log ends; the plan names the earlier one.
+    later = dataclasses.replace(loop.twin, ground_height=-0.5)
+    entries = [*loop.entries(), ("/twin_node/model", BYTES, model(later))]
+    assert outcomes(write_log(tmp_path / "log", entries))["plan"] == "same"
+
+
+def test_replay_that_fails_is_a_difference_with_the_reason(loop, tmp_path):
+    far = loop.episode.controllers + np.float32([0, 0, 2])
+    entries = dataclasses.replace(loop, episode=dataclasses.replace(loop.episode, controllers=far)).entries()
+    build = replay_log(write_log(tmp_path / "log", entries))[0]
+    assert build.outcome == Outcome.DIFFERENT
+    assert "the replay failed" in build.detail
+    assert "no hand comes within" in build.detail
+
+
+def test_nodes_of_other_names_are_found(loop, tmp_path):
+    renamed = [
+        (topic.replace("/twin_node", "/lab/twin").replace("/mppi_planner_node", "/lab/planner"), kind, message)
+        for topic, kind, message in loop.entries()
+    ]
+    folder = write_log(tmp_path / "log", renamed)
+    with pytest.raises(RecordingError, match="no topic of /twin_node or /mppi_planner_node to replay; the log has"):
+        replay_log(folder)
+    assert main(["replay", str(folder), "--twin-node", "/lab/twin", "--planner-node", "/lab/planner"]) == 0
+
+
+def test_bag_that_is_no_log_is_bad_input(tmp_path, capsys):
+    write_episode(sheet_episode(), tmp_path / "towel")
+    assert main(["replay", str(tmp_path / "towel")]) == 2
+    assert main(["replay", str(tmp_path / "no")]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "the log has /object/points, /controller/points" in err
+
+
+@pytest.mark.parametrize("topic", ["/twin_node/training/build", "/mppi_planner_node/problem", "/twin_node/model"])
+def test_damaged_content_is_one_error_that_names_the_log(loop, tmp_path, topic, capsys):
+    def damaged(entry: Entry) -> Entry:
+        name, kind, _ = entry
+        if name != topic:
+            return entry
+        return name, kind, cdr(STRING, data="{") if kind == STRING else model(loop.twin)[:200]
+
+    folder = write_log(tmp_path / "log", [damaged(entry) for entry in loop.entries()])
+    assert main(["replay", str(folder)]) == 2
+    assert str(folder) in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "ended", [job(RUNNING), job(FAILED), job(SUCCEEDED, bytes(16))], ids=["running", "failed", "other"]
+)
+def test_build_without_its_successful_end_is_not_replayed(loop, tmp_path, ended):
+    entries = [
+        (topic, name, ended if topic == "/twin_node/job" else message) for topic, name, message in loop.entries()
+    ]
+    assert outcomes(write_log(tmp_path / "log", entries))["build"] == "not recorded"

@@ -138,7 +138,7 @@ class TestPlanning:
         ):
             assert not client.send_goal(PlanToTarget, PLAN, illegal).accepted
             assert reason in planner.output
-        ended = client.result(client.send_goal(PlanToTarget, PLAN, goal(target, '{"low_m": [0.5, 0.5, 0.5]}')))
+        ended = client.result(client.send_goal(PlanToTarget, PLAN, goal(target, '{"low_m": [0.19, 0.39, 0.49]}')))
         assert ended.status == GoalStatus.STATUS_ABORTED
         assert "outside the tool's box" in ended.result.message
 

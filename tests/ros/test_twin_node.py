@@ -106,7 +106,7 @@ class TestWithATwin:
             ((None, output), "no episode given"),
             ((tmp_path / "absent", output), "absent: no such recording"),
             ((bag, tmp_path / "absent" / "no.twin"), "does not exist; create it first"),
-            ((bag, tmp_path), "must be a file"),
+            ((bag, tmp_path), "it is a folder; give a file name"),
             ((bag, output, '{"generation": 3}'), "unknown option 'generation'; did you mean 'generations'?"),
             ((bag, output, '{"generations": 0}'), "generations must be in 1 .. 10000, got 0"),
             ((bag, output, "generations=3"), "options_json is not JSON"),

@@ -19,16 +19,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         0 good, 1 a finding (a replay that differs), 2 bad input, 130 stopped by Ctrl-C.
     """
-    parser = argparse.ArgumentParser(
-        prog="egophys", description="Physical twins of soft objects: build, evaluate, simulate, plan, replay."
-    )
-    parser.add_argument("--version", action="version", version=f"egophys {__version__}")
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in SUBCOMMANDS:
-        subparser = subparsers.add_parser(module.NAME, help=module.HELP, description=module.HELP)
-        module.add_arguments(subparser)
-        subparser.set_defaults(run=module.run)
-    parsed = parser.parse_args(arguments)
+    parsed = make_parser().parse_args(arguments)
     warnings.showwarning = _show_warning
     try:
         return int(parsed.run(parsed))
@@ -38,6 +29,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"egophys {parsed.command}: stopped; nothing was written", file=sys.stderr)
         return 130
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of `egophys` with all subcommands."""
+    parser = argparse.ArgumentParser(
+        prog="egophys", description="Physical twins of soft objects: build, evaluate, simulate, plan, replay."
+    )
+    parser.add_argument("--version", action="version", version=f"egophys {__version__}")
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for module in SUBCOMMANDS:
+        subparser = subparsers.add_parser(module.NAME, help=module.HELP, description=module.HELP)
+        module.add_arguments(subparser)
+        subparser.set_defaults(run=module.run)
+    return parser
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -20,6 +20,8 @@ setup(
         (f"share/{package_name}/launch", glob("launch/*.launch.py")),
         (f"share/{package_name}/config", glob("config/*")),
     ],
+    # What the emulator needs, which is of use without ROS: pip install this folder, run `emulator`.
+    install_requires=["numpy", "scipy"],
     entry_points={
         "console_scripts": [
             "bridge_node = xarm_bridge.bridge_node:main",

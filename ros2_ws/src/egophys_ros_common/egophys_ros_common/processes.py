@@ -27,6 +27,10 @@ APPEAR_TIMEOUT = 30.0
 """For a process to start and its services to be discovered."""
 ANSWER_TIMEOUT = 30.0
 """For a service call, or a goal's acceptance."""
+REPLY_PATH_TIME = 0.2
+"""For a server to discover a new client, which the client cannot see; a reply before that is lost."""
+ATTEMPTS = 3
+"""Requests sent within `ANSWER_TIMEOUT` before a node counts as not answering."""
 MESSAGE_TIMEOUT = 20.0
 """For a message on a topic."""
 RESULT_TIMEOUT = 120.0
@@ -147,31 +151,41 @@ class Client:
         """Call a service, waiting first until it is there; the response."""
         client = self.node.create_client(kind, name, callback_group=self._group)
         try:
-            wait_until(client.service_is_ready, APPEAR_TIMEOUT, f"service {name}")
+            self._wait_for_server(client.service_is_ready, f"service {name}")
             return self._result(client.call_async(request or kind.Request()), timeout, f"answer of {name}")
         finally:
             self.node.destroy_client(client)
 
-    def change_state(self, node: str, transition: int, timeout: float = ANSWER_TIMEOUT) -> bool:
-        """Ask a lifecycle node for a transition (`Transition.TRANSITION_*`); whether it succeeded."""
-        request = ChangeState.Request(transition=Transition(id=transition))
-        return bool(self.call(ChangeState, f"{node}/change_state", request, timeout).success)
+    def change_state(self, node: str, transition: int) -> bool:
+        """Ask a lifecycle node for a transition (`Transition.TRANSITION_*`); whether it succeeded.
 
-    def state_of(self, node: str, timeout: float = ANSWER_TIMEOUT) -> str:
+        A reply is lost when the server has not discovered the new client yet. The state tells whether the
+        transition happened all the same; otherwise it is asked for again.
+        """
+        before = self.state_of(node)
+        request = ChangeState.Request(transition=Transition(id=transition))
+        for _ in range(ATTEMPTS):
+            try:
+                return bool(self.call(ChangeState, f"{node}/change_state", request, ANSWER_TIMEOUT / ATTEMPTS).success)
+            except TimeoutError:
+                if self.state_of(node) != before:
+                    return True
+        raise TimeoutError(f"{node} did not answer {ATTEMPTS} requests for transition {transition}")
+
+    def state_of(self, node: str) -> str:
         """Label of a lifecycle node's state: unconfigured, inactive, active or finalized."""
-        return str(self.call(GetState, f"{node}/get_state", timeout=timeout).current_state.label)
+        return wait_until(lambda: self._state(node), ANSWER_TIMEOUT, f"answer of {node}/get_state")
 
     def wait_for_state(self, node: str, label: str, timeout: float = APPEAR_TIMEOUT) -> None:
         """Wait until a lifecycle node is in a state."""
+        wait_until(lambda: self._state(node) == label, timeout, f"{node} {label}")
 
-        def reached() -> bool:
-            # The services of a killed node of the same name stay in the graph for a while and never answer.
-            try:
-                return self.state_of(node, timeout=1.0) == label
-            except TimeoutError:
-                return False
-
-        wait_until(reached, timeout, f"{node} {label}")
+    def _state(self, node: str) -> str:
+        """The state's label, empty if no answer came: the services of a killed node stay in the graph for a while."""
+        try:
+            return str(self.call(GetState, f"{node}/get_state", timeout=1.0).current_state.label)
+        except TimeoutError:
+            return ""
 
     def start(self, node: str) -> None:
         """Configure and activate a lifecycle node."""
@@ -209,7 +223,7 @@ class Client:
     ) -> ClientGoalHandle:
         """Send an action goal, waiting first until the server is there; see `.accepted` of the handle."""
         client = ActionClient(self.node, kind, name, callback_group=self._group)
-        wait_until(client.server_is_ready, APPEAR_TIMEOUT, f"action {name}")
+        self._wait_for_server(client.server_is_ready, f"action {name}")
         feedback = (lambda message: on_feedback(message.feedback)) if on_feedback else None
         sent = client.send_goal_async(goal, feedback_callback=feedback)
         return self._result(sent, ANSWER_TIMEOUT, f"answer to the goal for {name}")
@@ -221,6 +235,10 @@ class Client:
     def cancel(self, handle: ClientGoalHandle) -> Any:
         """Ask for a goal's cancellation; the answer, not the result."""
         return self._result(handle.cancel_goal_async(), ANSWER_TIMEOUT, "answer to the cancellation")
+
+    def _wait_for_server(self, is_ready: Callable[[], bool], what: str) -> None:
+        wait_until(is_ready, APPEAR_TIMEOUT, what)
+        time.sleep(REPLY_PATH_TIME)
 
     def _result(self, future: Any, timeout: float, what: str) -> Any:
         wait_until(future.done, timeout, what)

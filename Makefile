@@ -34,7 +34,7 @@ check: setup ## Lint, format and types
 	@.venv/bin/mypy
 
 bench: build ## The tables of the README
-	@$(IN_ENV) python benchmarks/run.py
+	@$(IN_ENV) python -m benchmarks.run
 
 dev: build ## A shell with the project and ROS in it; installs the git hook that runs `make check`
 	@git config core.hooksPath tools/hooks

@@ -1,7 +1,6 @@
 """Rolling out a batch: frames on the host, substeps in the kernels."""
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
@@ -45,30 +44,28 @@ class Rollout:
                 raise SimulationError(f"rollout {index}: {failure}")
 
 
-def rollout(batch: RolloutBatch, *, device: str = "cpu", on_frame: Callable[[int, int], None] | None = None) -> Rollout:
+def rollout(batch: RolloutBatch, *, device: str = "cpu") -> Rollout:
     """Advance all rollouts of a batch over the frames of their controls.
 
     On the CPU lane groups run on all cores; a rollout's numbers do not depend on the batch it is in.
 
     Args:
         device: a Warp device, "cpu" or "cuda:0".
-        on_frame: called with (frames done, frames) now and then; may raise to stop the rollout.
 
     Raises:
         SimulationError: a rollout would need more than `MOST_SUBSTEPS` substeps a frame.
     """
     wp.load_module(step, device=device)
     if not wp.get_device(device).is_cpu:
-        return _run(batch, device, on_frame)
+        return _run(batch, device)
     groups = group_count(batch.count)
     workers = min(groups, os.cpu_count() or 1)
     # Rollouts of similar stiffness share a lane group: it runs as many substeps as its stiffest one needs.
     order = np.argsort(batch.stiffness.max(axis=1, initial=0.0) / batch.masses.min(axis=1), kind="stable")
     bounds = np.linspace(0, groups, workers + 1).astype(int) * LANES
     parts = [batch.part(order[first:last]) for first, last in pairwise(bounds)]
-    callbacks = [on_frame, *[None] * (workers - 1)]
     with ThreadPoolExecutor(workers) as pool:
-        results = list(pool.map(_run, parts, [device] * workers, callbacks))
+        results = list(pool.map(_run, parts, [device] * workers))
     back = np.argsort(order)
     failures = [failure for result in results for failure in result.failures]
     return Rollout(
@@ -80,7 +77,7 @@ def rollout(batch: RolloutBatch, *, device: str = "cpu", on_frame: Callable[[int
     )
 
 
-def _run(batch: RolloutBatch, device: str, on_frame: Callable[[int, int], None] | None) -> Rollout:
+def _run(batch: RolloutBatch, device: str) -> Rollout:
     times = batch.controls[0].times
     nodes = batch.positions.shape[1]
     controllers = np.stack([controls.positions for controls in batch.controls]).astype(np.float32)
@@ -123,8 +120,6 @@ def _run(batch: RolloutBatch, device: str, on_frame: Callable[[int, int], None] 
             )
         _launch_frame(int(substeps.max()), state, springs, _frame_motion(motion, frame), parameters, device)
         positions[:, frame + 1] = unpack(state.positions.numpy(), batch.count)[:, :nodes]
-        if on_frame is not None and frame % 10 == 0:
-            on_frame(frame, len(times))
 
     return Rollout(
         times=times,

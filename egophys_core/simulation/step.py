@@ -1,8 +1,8 @@
 """One substep of the simulator: an ordered list of terms, then semi-implicit Euler.
 
-Every term is a function over a range of nodes that adds to the forces. On a CPU one launch runs all substeps of
-a frame and gives each term all nodes at once; on a GPU a substep is two launches with a thread per node. Calling
-a term once per node on the CPU took four times as long (docs/notes/simulation.md): structs go by value.
+Every term is a function over a range of nodes that adds to the forces. On a CPU one launch runs all substeps of a
+frame and gives each term all nodes at once; on a GPU a substep is two launches with a thread per node. Calling the
+terms node by node on the CPU was slower by a quarter (docs/notes/simulation.md).
 """
 
 import warp as wp

@@ -161,20 +161,6 @@ def test_turning_the_scene_about_the_vertical_turns_the_motion():
     assert np.abs(turned - plain @ turn.T).max() < 2e-5
 
 
-def test_progress_is_told_and_can_stop_the_rollout():
-    calls = []
-
-    def stop(done: int, frames: int) -> None:
-        calls.append((done, frames))
-        if done >= 20:
-            raise KeyboardInterrupt
-
-    batch = scene([[0, 0, 0]], idle_controls(frame_times(2.0, 1 / 30)))
-    with pytest.raises(KeyboardInterrupt):
-        rollout(batch, on_frame=stop)
-    assert calls == [(0, 61), (10, 61), (20, 61)]
-
-
 def test_models_of_different_objects_are_refused():
     controls = [idle_controls(frame_times(0.1, 1 / 30))] * 2
     with pytest.raises(SimulationError, match="same kind and number of nodes"):

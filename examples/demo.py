@@ -6,6 +6,7 @@ build a twin -> plan to a target shape -> execute on the (emulated) xArm6 -> rec
 import argparse
 import os
 import sys
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -89,12 +90,21 @@ def new_folder(wanted: Path) -> Path:
 
 def run_nodes(parsed: argparse.Namespace, episode: Episode, folder: Path) -> Outcomes:
     """Start the nodes, drive them through the story, stop them; the log is then complete."""
-    processes: list[NodeProcess] = []
+    # The stack ends every process, also those after one that does not end well.
+    with ExitStack() as stack:
+        client = Client()
+        stack.callback(client.close)
+        start_nodes(parsed, folder, stack)
+        for node in ("/recorder_node", "/twin_node", "/mppi_planner_node", "/bridge_node"):
+            client.wait_for_state(node, "active")
+        return drive(parsed, episode, folder, client)
 
-    def start(package: str, executable: str, *arguments: str) -> NodeProcess:
-        process = NodeProcess(package, executable, list(arguments), folder / f"{executable}.txt")
-        processes.append(process)
-        return process
+
+def start_nodes(parsed: argparse.Namespace, folder: Path, stack: ExitStack) -> None:
+    """Start the emulator and the nodes; what they print goes to files in the folder."""
+
+    def start(package: str, executable: str, *arguments: str) -> None:
+        stack.callback(NodeProcess(package, executable, list(arguments), folder / f"{executable}.txt").stop)
 
     def start_node(package: str, executable: str, config: str, **parameters: str) -> None:
         values = {"autostart": "true", **parameters}
@@ -102,22 +112,13 @@ def run_nodes(parsed: argparse.Namespace, episode: Episode, folder: Path) -> Out
         file = CONFIGURATION / package / "config" / config
         start(package, executable, "--ros-args", "--params-file", str(file), *assignments)
 
-    client = Client()
-    try:
-        console.print("starting the nodes: twin_node, mppi_planner_node, recorder_node, bridge_node, xArm6 emulator")
-        start("xarm_bridge", "emulator", "--host", ROBOT_IP)
-        calibration = CONFIGURATION / "xarm_bridge/config/world_to_base.yaml"
-        start_node("egophys_twin", "recorder_node", "recorder.yaml", output_folder=str(folder / "log"))
-        start_node("egophys_twin", "twin_node", "twin.yaml", generations=str(parsed.generations))
-        start_node("egophys_planner", "mppi_planner_node", "planner.yaml")
-        start_node("xarm_bridge", "bridge_node", "bridge.yaml", robot_ip=ROBOT_IP, calibration_file=str(calibration))
-        for node in ("/recorder_node", "/twin_node", "/mppi_planner_node", "/bridge_node"):
-            client.wait_for_state(node, "active")
-        return drive(parsed, episode, folder, client)
-    finally:
-        client.close()
-        for process in reversed(processes):
-            process.stop()
+    console.print("starting the nodes: twin_node, mppi_planner_node, recorder_node, bridge_node, xArm6 emulator")
+    start("xarm_bridge", "emulator", "--host", ROBOT_IP)
+    calibration = CONFIGURATION / "xarm_bridge/config/world_to_base.yaml"
+    start_node("egophys_twin", "recorder_node", "recorder.yaml", output_folder=str(folder / "log"))
+    start_node("egophys_twin", "twin_node", "twin.yaml", generations=str(parsed.generations))
+    start_node("egophys_planner", "mppi_planner_node", "planner.yaml")
+    start_node("xarm_bridge", "bridge_node", "bridge.yaml", robot_ip=ROBOT_IP, calibration_file=str(calibration))
 
 
 def drive(parsed: argparse.Namespace, episode: Episode, folder: Path, client: Client) -> Outcomes:

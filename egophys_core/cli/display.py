@@ -58,7 +58,10 @@ def print_scores(title: str, scores: Mapping[str, Scores]) -> None:
         )
         for name, s in scores.items()
     ]
-    print_table(f"{title} (mm; CD Chamfer distance, TE track error)", header, rows)
+    meaning = (
+        "mm; CD Chamfer distance, TE track error;\ntrain: first 70 % of the frames, fitted; test: the held-out rest"
+    )
+    print_table(f"{title} ({meaning})", header, rows)
 
 
 def _millimetres(value: float) -> str:

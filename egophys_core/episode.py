@@ -6,6 +6,9 @@ import numpy as np
 
 from egophys_core.errors import EpisodeError
 
+WORLD_FRAME = "world"
+"""Name of the frame everything is in: right-handed, z up."""
+
 LARGEST_SCENE_M = 20.0
 """Coordinates beyond this are taken for a wrong unit (millimetres) rather than a large object."""
 

@@ -13,12 +13,10 @@ T = TypeVar("T")
 
 
 def number(default: Any, *, low: float, high: float, doc: str) -> Any:
-    """A numeric option with its range, both ends allowed; `doc` is shown by --help and ros2 param describe."""
-    return dataclasses.field(default=default, metadata={"low": low, "high": high, "doc": doc})
+    """A numeric option, or several in a tuple, with its range, both ends allowed.
 
-
-def vector(default: tuple[float, ...], *, low: float, high: float, doc: str) -> Any:
-    """An option of several numbers, each in the same range, both ends allowed."""
+    `doc` is shown by --help and ros2 param describe.
+    """
     return dataclasses.field(default=default, metadata={"low": low, "high": high, "doc": doc})
 
 

@@ -31,12 +31,10 @@ from egophys_core.recording import (
     xyz_of_message,
 )
 from egophys_core.twin import Twin, decode_twin, encode_twin
-from egophys_core.waypoint_plan import WaypointPlan
+from egophys_core.waypoint_plan import WaypointPlan, plan_of_message
 
 TWIN_NODE = "/twin_node"
 PLANNER_NODE = "/mppi_planner_node"
-
-NANOSECONDS = 1_000_000_000
 
 JOB_SUCCEEDED = 1
 """BuildJob.SUCCEEDED of egophys_msgs."""
@@ -188,7 +186,7 @@ def _replay_plan(log: _Log, twin_node: str, planner_node: str, progress: Progres
     if twin is None:
         return _not_recorded("plan", f"the log has no model of twin {described['twin_id']}, which it was planned with")
     shape = xyz_of_message(log.decode(target), source=f"{log.path} {target.topic}")
-    recorded = _plan(log, plan)
+    recorded = plan_of_message(log.decode(plan))
 
     def work() -> tuple[bool, str]:
         replayed, _ = plan_to_target(
@@ -214,7 +212,7 @@ def _replay_prediction(log: _Log, twin_node: str) -> Comparison:
     recorded = xyz_of_message(log.decode(points), source=f"{log.path} {points.topic}")
 
     def work() -> tuple[bool, str]:
-        shape = final_shapes(twin, rollout_plans(twin, [_plan(log, plan)]))[0]
+        shape = final_shapes(twin, rollout_plans(twin, [plan_of_message(log.decode(plan))]))[0]
         if shape.shape != recorded.shape:
             return False, f"{len(recorded)} points recorded, {len(shape)} replayed"
         largest = float(np.abs(shape - recorded).max())
@@ -267,18 +265,3 @@ def _result_of_build(log: _Log, twin_node: str, job_id: str) -> Twin | None:
     job = log.decode(ended)
     succeeded = job.state == JOB_SUCCEEDED and bytes(job.job_id.uuid).hex() == job_id
     return _twin(log, model) if succeeded else None
-
-
-def _plan(log: _Log, record: Record) -> WaypointPlan:
-    message = log.decode(record)
-    return WaypointPlan(
-        times=np.array([t.sec * NANOSECONDS + t.nanosec for t in message.time_from_start], np.float64) / NANOSECONDS,
-        positions=np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses], np.float64),
-        quaternions=np.array(
-            [(p.orientation.x, p.orientation.y, p.orientation.z, p.orientation.w) for p in message.poses],
-            np.float64,
-        ),
-        gripper_opening=np.array(message.gripper_opening_m, np.float64),
-        twin_id=message.twin_id,
-        predicted_cost=message.predicted_cost,
-    )

@@ -5,7 +5,13 @@ from typing import Any
 
 import numpy as np
 
+from egophys_core.episode import WORLD_FRAME
 from egophys_core.errors import PlanningError
+
+NANOSECONDS = 1_000_000_000
+
+UNIT_QUATERNION_TOLERANCE = 1e-3
+"""How far a waypoint quaternion's length may be from 1; float32 messages pass, wrong orders do not."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +47,34 @@ class WaypointPlan:
         ):
             if np.shape(array) != shape:
                 raise PlanningError(f"plan {label} must be {shape} for {count} waypoints, got {np.shape(array)}")
+
+
+def plan_of_message(message: Any) -> WaypointPlan:
+    """The plan in an egophys_msgs/WaypointPlan, a message object of rclpy or of rosbags.
+
+    A time of whole nanoseconds is the float64 nearest to it, so a plan that has been a message once does not
+    change when it becomes one again.
+
+    Raises:
+        PlanningError: the frame is not `world`, no waypoint, or lists of different lengths.
+    """
+    if message.header.frame_id != WORLD_FRAME:
+        raise PlanningError(
+            f"the plan is in frame {message.header.frame_id!r}, needed is {WORLD_FRAME!r}; transform it first"
+        )
+    positions = [(pose.position.x, pose.position.y, pose.position.z) for pose in message.poses]
+    quaternions = [
+        (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w) for pose in message.poses
+    ]
+    nanoseconds = [each.sec * NANOSECONDS + each.nanosec for each in message.time_from_start]
+    return WaypointPlan(
+        times=np.array(nanoseconds, np.float64) / NANOSECONDS,
+        positions=np.array(positions, np.float64),
+        quaternions=np.array(quaternions, np.float64),
+        gripper_opening=np.array(message.gripper_opening_m, np.float64),
+        twin_id=message.twin_id,
+        predicted_cost=message.predicted_cost,
+    )
 
 
 def plan_to_json(plan: WaypointPlan) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import pytest
 
 from egophys_core.errors import OptionsError
 from egophys_core.identification import FitOptions, KindChoice
-from egophys_core.options import choice, from_mapping, number, to_mapping, validate, vector
+from egophys_core.options import choice, from_mapping, number, to_mapping, validate
 from egophys_core.planning import PlanOptions
 
 
@@ -21,7 +21,7 @@ class Example:
     count: int = number(3, low=1, high=10, doc="how many")
     share: float = number(0.5, low=0.0, high=1.0, doc="how much")
     colour: Colour = choice(Colour.RED, doc="which")  # noqa: RUF009
-    corner_m: tuple[float, float, float] = vector((0.0, 1.0, 2.0), low=-5.0, high=5.0, doc="where")
+    corner_m: tuple[float, float, float] = number((0.0, 1.0, 2.0), low=-5.0, high=5.0, doc="where")
     loud: bool = False
 
     def __post_init__(self) -> None:

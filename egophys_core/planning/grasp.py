@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from egophys_core.errors import PlanningError
 from egophys_core.simulation import Controls
-from egophys_core.waypoint_plan import WaypointPlan
+from egophys_core.waypoint_plan import UNIT_QUATERNION_TOLERANCE, WaypointPlan
 
 POINTING_DOWN = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion x y z w of a tool whose z axis points at the table: half a turn about world x."""
@@ -17,9 +17,6 @@ OPEN = 0.08
 
 CLOSED_BELOW = 0.02
 """Metres; a gripper less open than this holds."""
-
-UNIT_TOLERANCE = 1e-3
-"""A quaternion's length may differ from 1 by this much."""
 
 FRAME_DURATION = 1.0 / 30.0
 """Seconds between simulated frames of a plan."""
@@ -66,7 +63,7 @@ def controls_of_plan(plan: WaypointPlan, grasp: Grasp) -> Controls:
         waypoint = int(np.argmin(np.diff(times) > 0)) + 1
         raise PlanningError(f"plan time does not increase at waypoint {waypoint} (t={times[waypoint]:g} s)")
     lengths = np.linalg.norm(plan.quaternions, axis=1)
-    if not (np.abs(lengths - 1.0) < UNIT_TOLERANCE).all():
+    if not (np.abs(lengths - 1.0) < UNIT_QUATERNION_TOLERANCE).all():
         waypoint = int(np.argmax(np.abs(lengths - 1.0)))
         raise PlanningError(f"the quaternion of waypoint {waypoint} has length {lengths[waypoint]:g}; it must be 1")
     closed = np.flatnonzero(plan.gripper_opening < CLOSED_BELOW)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from egophys_core.errors import OptionsError
-from egophys_core.options import number, validate, vector
+from egophys_core.options import number, validate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,10 +22,10 @@ class PlanOptions:
     noise_decay: float = number(0.9, low=0.1, high=1.0, doc="factor on the noise after each iteration")
     temperature: float = number(0.1, low=1e-3, high=100.0, doc="lambda over the spread of the costs")
     max_speed_m_s: float = number(0.2, low=0.01, high=2.0, doc="fastest tool motion, m/s")
-    low_m: tuple[float, float, float] = vector(
+    low_m: tuple[float, float, float] = number(
         (-0.25, -0.4, 0.0), low=-5.0, high=5.0, doc="lower corner of the box the tool stays in, m, world"
     )
-    high_m: tuple[float, float, float] = vector(
+    high_m: tuple[float, float, float] = number(
         (0.2, 0.4, 0.5), low=-5.0, high=5.0, doc="upper corner; the default box is that of the bridge, m, world"
     )
 

@@ -4,7 +4,6 @@ from egophys_core.recording.bag_metadata import LATCHED_QOS, SENSOR_QOS, TopicQo
 from egophys_core.recording.episode_reader import (
     CONTROLLER_TOPIC,
     OBJECT_TOPIC,
-    WORLD_FRAME,
     decode_episode,
     read_episode,
 )
@@ -38,7 +37,6 @@ __all__ = [
     "POINT_DTYPE",
     "POINT_FIELDS",
     "SENSOR_QOS",
-    "WORLD_FRAME",
     "CutRecordingWarning",
     "EpisodeWarning",
     "LogWriter",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from egophys_core.episode import Episode
+from egophys_core.episode import WORLD_FRAME, Episode
 from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.recording.point_tracks import (
     LONGEST_FILLED_GAP_S,
@@ -20,7 +20,6 @@ from egophys_core.recording.records import Record
 
 OBJECT_TOPIC = "/object/points"
 CONTROLLER_TOPIC = "/controller/points"
-WORLD_FRAME = "world"
 
 
 def read_episode(

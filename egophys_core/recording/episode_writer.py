@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from egophys_core.episode import Episode
+from egophys_core.episode import WORLD_FRAME, Episode
 from egophys_core.recording.bag_metadata import SENSOR_QOS
-from egophys_core.recording.episode_reader import CONTROLLER_TOPIC, OBJECT_TOPIC, WORLD_FRAME
+from egophys_core.recording.episode_reader import CONTROLLER_TOPIC, OBJECT_TOPIC
 from egophys_core.recording.log_writer import LogWriter
 from egophys_core.recording.pointcloud import POINTCLOUD2, encode_points
 

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from rosbags.serde import SerdeError
 
+from egophys_core.episode import WORLD_FRAME
 from egophys_core.errors import RecordingError
 from egophys_core.recording.message_definitions import jazzy_types
 
@@ -114,7 +115,7 @@ def points_of_message(message: Any, *, source: str) -> PointFrame:
     )
 
 
-def xyz_of_message(message: Any, *, source: str, frame: str = "world") -> np.ndarray:
+def xyz_of_message(message: Any, *, source: str, frame: str = WORLD_FRAME) -> np.ndarray:
     """[P, 3] float32 metres: the positions in a PointCloud2 message object, whatever other fields it has.
 
     Args:

@@ -10,10 +10,7 @@ from egophys_core.errors import OptionsError, RobotError
 from egophys_core.options import from_mapping, number, validate
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.yaml_mapping import load_mapping, number_array
-from egophys_core.waypoint_plan import WaypointPlan
-
-UNIT_QUATERNION_TOLERANCE = 1e-3
-"""How far a waypoint quaternion's length may be from 1; float32 messages pass, wrong orders do not."""
+from egophys_core.waypoint_plan import UNIT_QUATERNION_TOLERANCE, WaypointPlan
 
 SPEED_TOLERANCE = 1e-6
 """Relative slack of the speed checks, so that a plan made exactly at a limit is not refused for rounding."""

@@ -114,10 +114,8 @@ def _run(batch: RolloutBatch, device: str) -> Rollout:
                     f"{batch.masses[row].min():g} kg; lower it or its bound"
                 )
             most_substeps = np.maximum(most_substeps, substeps)
-            parameters.substeps = wp.array(pack(substeps[:, None])[:, 0], dtype=Lanes, device=device)
-            parameters.frame_duration = wp.array(
-                pack(np.full((batch.count, 1), duration))[:, 0], dtype=Lanes, device=device
-            )
+            parameters.substeps = wp.array(pack(substeps), dtype=Lanes, device=device)
+            parameters.frame_duration = wp.array(pack(np.full(batch.count, duration)), dtype=Lanes, device=device)
         _launch_frame(int(substeps.max()), state, springs, _frame_motion(motion, frame), parameters, device)
         positions[:, frame + 1] = unpack(state.positions.numpy(), batch.count)[:, :nodes]
 
@@ -178,7 +176,7 @@ def _initial_state(
 
 def _parameters(batch: RolloutBatch, device: str) -> ParameterArrays:
     def lanes(values: list[float]) -> wp.array:
-        return wp.array(pack(np.array(values, np.float32)[:, None])[:, 0], dtype=Lanes, device=device)
+        return wp.array(pack(np.array(values, np.float32)), dtype=Lanes, device=device)
 
     arrays = ParameterArrays()
     arrays.masses = wp.array(pack(batch.masses), dtype=Lanes, device=device)

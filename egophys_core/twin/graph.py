@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components as label_components
 from scipy.spatial import cKDTree
 
 from egophys_core.errors import TwinError
@@ -82,9 +84,6 @@ def connect(positions: np.ndarray, *, radius: float, max_neighbours: int, inner_
 
 def connected_components(node_count: int, springs: np.ndarray) -> np.ndarray:
     """[N] int: the component each node belongs to, from springs [E, 2]."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components as label_components
-
     links = coo_matrix((np.ones(len(springs)), (springs[:, 0], springs[:, 1])), shape=(node_count, node_count))
     return label_components(links, directed=False)[1]
 

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
-from egophys_ros_common.conversions import (
-    duration_message,
-    plan_message,
-    plan_of_message,
-    points_message,
-)
+from egophys_ros_common.conversions import duration_message, plan_message, points_message
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
@@ -16,7 +11,7 @@ from sensor_msgs.msg import PointCloud2, PointField
 
 from egophys_core.errors import PlanningError, RecordingError
 from egophys_core.recording import decode_points, xyz_of_message
-from egophys_core.waypoint_plan import WaypointPlan
+from egophys_core.waypoint_plan import WaypointPlan, plan_of_message
 
 COORDINATES = st.floats(-2, 2, allow_nan=False)
 TIMES = st.lists(st.integers(1, 10**12), min_size=1, max_size=5)

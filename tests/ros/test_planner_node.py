@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from egophys_msgs.action import PlanToTarget
 from egophys_msgs.msg import BuildJob, WaypointPlan
 from egophys_msgs.srv import RebuildTwin
-from egophys_ros_common.conversions import plan_message, plan_of_message, points_message
+from egophys_ros_common.conversions import plan_message, points_message
 from egophys_ros_common.processes import MESSAGE_TIMEOUT, wait_until
 from egophys_ros_common.qos import latched
 from nav_msgs.msg import Path
@@ -27,6 +27,7 @@ from egophys_core.planning import (
     twin_costs,
 )
 from egophys_core.recording import xyz_of_message
+from egophys_core.waypoint_plan import plan_of_message
 from tests.ros.cloth import SEED, lifting_plan
 
 pytestmark = pytest.mark.ros

@@ -11,11 +11,9 @@ from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
-from egophys_core.errors import PlanningError
-from egophys_core.recording import POINT_DTYPE, POINT_FIELDS, WORLD_FRAME, pack_points
-from egophys_core.waypoint_plan import WaypointPlan
-
-NANOSECONDS = 1_000_000_000
+from egophys_core.episode import WORLD_FRAME
+from egophys_core.recording import POINT_DTYPE, POINT_FIELDS, pack_points
+from egophys_core.waypoint_plan import NANOSECONDS, WaypointPlan, plan_of_message
 
 
 def world_header(stamp: Time | None = None) -> Header:
@@ -70,34 +68,6 @@ def plan_message(plan: WaypointPlan, stamp: Time | None = None) -> WaypointPlanM
         gripper_opening_m=plan.gripper_opening.tolist(),
         time_from_start=[duration_message(time) for time in plan.times],
         predicted_cost=plan.predicted_cost,
-    )
-
-
-def plan_of_message(message: WaypointPlanMessage) -> WaypointPlan:
-    """A message as a plan.
-
-    A time of whole nanoseconds is the float64 nearest to it, so a plan that has been a message once does not
-    change when it becomes one again.
-
-    Raises:
-        PlanningError: the frame is not `world`, no waypoint, or lists of different lengths.
-    """
-    if message.header.frame_id != WORLD_FRAME:
-        raise PlanningError(
-            f"the plan is in frame {message.header.frame_id!r}, needed is {WORLD_FRAME!r}; transform it first"
-        )
-    positions = [(pose.position.x, pose.position.y, pose.position.z) for pose in message.poses]
-    quaternions = [
-        (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w) for pose in message.poses
-    ]
-    nanoseconds = [each.sec * NANOSECONDS + each.nanosec for each in message.time_from_start]
-    return WaypointPlan(
-        times=np.array(nanoseconds, np.float64) / NANOSECONDS,
-        positions=np.array(positions, np.float64),
-        quaternions=np.array(quaternions, np.float64),
-        gripper_opening=np.array(message.gripper_opening_m, np.float64),
-        twin_id=message.twin_id,
-        predicted_cost=message.predicted_cost,
     )
 
 

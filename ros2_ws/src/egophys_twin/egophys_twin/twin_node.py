@@ -9,11 +9,7 @@ import numpy as np
 from egophys_msgs.action import BuildTwin
 from egophys_msgs.msg import BuildJob, TwinInfo
 from egophys_msgs.srv import RebuildTwin, RolloutTwin
-from egophys_ros_common.conversions import (
-    plan_of_message,
-    points_message,
-    time_message,
-)
+from egophys_ros_common.conversions import points_message, time_message
 from egophys_ros_common.managed_node import ManagedNode, run_node
 from egophys_ros_common.parameters import declare_options, read_options
 from egophys_ros_common.worker import Worker
@@ -28,6 +24,7 @@ from egophys_core.errors import EgophysError, TwinError
 from egophys_core.identification import FitOptions
 from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC, xyz_of_message
 from egophys_core.twin import Twin, load_twin
+from egophys_core.waypoint_plan import plan_of_message
 from egophys_twin.build import BuildRequest
 from egophys_twin.build_jobs import BuildJobs, Job
 from egophys_twin.rollouts import simulate

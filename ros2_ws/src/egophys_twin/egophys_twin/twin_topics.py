@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from builtin_interfaces.msg import Time
 from egophys_msgs.msg import BuildJob, TwinInfo, WaypointPlan
-from egophys_ros_common.conversions import NANOSECONDS, points_message, time_message, world_header
+from egophys_ros_common.conversions import points_message, time_message, world_header
 from egophys_ros_common.managed_node import ManagedNode
 from egophys_ros_common.qos import latched
 from rclpy.publisher import Publisher
@@ -20,6 +20,7 @@ from unique_identifier_msgs.msg import UUID
 from egophys_core.episode import Episode
 from egophys_core.options import to_mapping
 from egophys_core.twin import Twin, encode_twin
+from egophys_core.waypoint_plan import NANOSECONDS
 from egophys_twin.build import BuildRequest
 
 SCORES = ("train_chamfer_m", "train_track_m", "test_chamfer_m", "test_track_m")

@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 
 from egophys_msgs.action import ExecutePlan
-from egophys_ros_common.conversions import plan_of_message
 from egophys_ros_common.managed_node import ManagedNode, run_node
 from egophys_ros_common.parameters import declare_options, read_options
 from egophys_ros_common.qos import latched
@@ -22,6 +21,7 @@ from std_srvs.srv import Trigger
 
 from egophys_core.errors import EgophysError, RobotError
 from egophys_core.robot import Calibration, MotionLimits, Transform, check_plan
+from egophys_core.waypoint_plan import plan_of_message
 from xarm_bridge.arm import Arm
 from xarm_bridge.connection import Connection
 from xarm_bridge.messages import base_frame_message, pose_message, result_message

@@ -2,11 +2,12 @@
 
 from builtin_interfaces.msg import Time
 from egophys_msgs.action import ExecutePlan
-from egophys_ros_common.conversions import NANOSECONDS, time_message, world_header
+from egophys_ros_common.conversions import time_message, world_header
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, TransformStamped, Vector3
 from nav_msgs.msg import Path
 
 from egophys_core.robot import Transform
+from egophys_core.waypoint_plan import NANOSECONDS
 from xarm_bridge.executed import ExecutedMotion
 
 

@@ -3,9 +3,9 @@
 import argparse
 from pathlib import Path
 
-from egophys_core.cli.display import print_json, print_scores
-from egophys_core.evaluation import baseline_scores
-from egophys_core.identification import evaluate_twin, find_hands, hold_flags
+from egophys_core.cli.display import print_json, print_scores, print_table
+from egophys_core.evaluation import Scores, baseline_scores
+from egophys_core.identification import contact_flags, evaluate_twin, find_hands
 from egophys_core.recording import read_episode
 from egophys_core.twin import load_twin
 
@@ -24,7 +24,7 @@ def run(parsed: argparse.Namespace) -> int:
     """Evaluate and print."""
     twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
     scores, _ = evaluate_twin(twin, episode)
-    baselines = baseline_scores(episode, hold_flags(episode, find_hands(episode)))
+    baselines = baseline_scores(episode, contact_flags(episode, find_hands(episode)))
     if parsed.json:
         print_json(
             {
@@ -35,5 +35,18 @@ def run(parsed: argparse.Namespace) -> int:
             }
         )
     else:
-        print_scores(f"{episode.name}, twin {twin.twin_id}", {"twin": scores, **baselines})
+        predictions = {"twin": scores, **baselines}
+        print_scores(f"{episode.name}, twin {twin.twin_id}", predictions)
+        print_table(
+            "both ways (two-way CD in mm; IoU of silhouettes, 1 is best)",
+            ("prediction", "train CD", "test CD", "train IoU", "test IoU"),
+            [(name, *_both_ways(each)) for name, each in predictions.items()],
+        )
     return 0
+
+
+def _both_ways(scores: Scores) -> list[str]:
+    """Cells of a row; a dash where there is no number."""
+    distances = (1000 * scores.train_two_way_chamfer_m, 1000 * scores.test_two_way_chamfer_m)
+    shown = [f"{value:.1f}" for value in distances] + [f"{value:.3f}" for value in (scores.train_iou, scores.test_iou)]
+    return ["-" if value == "nan" else value for value in shown]

@@ -9,22 +9,22 @@ from egophys_core.episode import Episode
 from egophys_core.evaluation.scores import Scores, score
 
 
-def baseline_scores(episode: Episode, hold: np.ndarray) -> dict[str, Scores]:
+def baseline_scores(episode: Episode, contact: np.ndarray) -> dict[str, Scores]:
     """Errors of both predictions, by name; train errors of the first are blank, as it copies those frames.
 
     Args:
-        hold: [T, C] bool, where a controller point holds the object.
+        contact: [T, C], not 0 where a controller point holds or presses the object.
     """
     predictions = {
         "last observed shape stays": static_prediction(episode),
-        "moves with nearest controller": rigid_follow_prediction(episode, hold),
+        "moves with nearest controller": rigid_follow_prediction(episode, contact),
     }
     scores = {}
     for name, prediction in predictions.items():
         seen = np.isfinite(prediction[0]).all(axis=1)
         scores[name] = score(prediction, seen, episode)
     copied = "last observed shape stays"
-    blank = dict.fromkeys(("train_chamfer_m", "train_track_m", "all_chamfer_m", "all_track_m"), float("nan"))
+    blank = {name: float("nan") for name in scores[copied].as_dict() if not name.startswith("test_")}
     scores[copied] = replace(scores[copied], **blank)
     return scores
 
@@ -42,13 +42,14 @@ def static_prediction(episode: Episode) -> np.ndarray:
     return prediction
 
 
-def rigid_follow_prediction(episode: Episode, hold: np.ndarray) -> np.ndarray:
-    """[T, N, 3] metres: every point of frame 0 moves with the controller nearest to it among those that hold.
+def rigid_follow_prediction(episode: Episode, contact: np.ndarray) -> np.ndarray:
+    """[T, N, 3] metres: every point of frame 0 moves with the controller nearest to it among those that touch.
 
     Args:
-        hold: [T, C] bool, where a controller point holds the object. A point moves by its controller's way
-            since that controller took hold and stays when it lets go.
+        contact: [T, C], not 0 where a controller point holds or presses the object. A point moves by its
+            controller's way since that contact began and stays when it ends.
     """
+    hold = contact != 0
     prediction = np.repeat(episode.points[:1], episode.frames, axis=0)
     holding = np.flatnonzero(hold.any(axis=0))
     seen = np.flatnonzero(np.isfinite(episode.points[0]).all(axis=1))

@@ -1,5 +1,7 @@
 """Errors of a predicted motion against observed points, as PhysTwin's evaluation defines them."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -60,6 +62,30 @@ def two_way_chamfer(one: np.ndarray, other: np.ndarray) -> float:
     there = cKDTree(other).query(one)[0].mean()
     back = cKDTree(one).query(other)[0].mean()
     return float((there + back) / 2)
+
+
+def two_way_chamfer_per_frame(predicted: np.ndarray, points: np.ndarray, bound: np.ndarray) -> np.ndarray:
+    """[T] metres: two-way Chamfer distance of the visible bound tracks and their vertices; NaN without any.
+
+    A vertex whose track is hidden has no observed point near it, through no fault of the prediction: on the way
+    back all of the surface would count as wrong what was merely not seen. So a vertex counts when its track does.
+
+    Args:
+        predicted: [T, V, 3] metres.
+        points: [T, N, 3] metres, NaN where unseen.
+        bound: [N] from `bind_tracks`.
+    """
+    pairs = visible_pairs(predicted, points, bound)
+    return np.array([two_way_chamfer(*pair) if len(pair[0]) else np.nan for pair in pairs])
+
+
+def visible_pairs(
+    predicted: np.ndarray, points: np.ndarray, bound: np.ndarray
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Per frame the bound tracks seen in it [K, 3] metres, after the vertices they are bound to [K, 3] metres."""
+    for vertices, observed in zip(predicted, points, strict=True):
+        seen = np.isfinite(observed).all(axis=1) & (bound >= 0)
+        yield vertices[bound[seen]], observed[seen]
 
 
 def split_frames(episode: Episode) -> dict[str, slice]:

@@ -11,6 +11,7 @@ from egophys_core.evaluation import (
     split_frames,
     track_error_per_frame,
     two_way_chamfer,
+    two_way_chamfer_per_frame,
 )
 from tests.identification.synthetic import episode_of
 
@@ -79,6 +80,25 @@ def test_two_way_chamfer_averages_both_ways():
     assert two_way_chamfer(other, one) == pytest.approx(1.25)
 
 
+def test_two_way_chamfer_of_an_episode_leaves_out_vertices_of_hidden_tracks():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [9, 0, 0]], float)
+    predicted = np.array([vertices, vertices + [0, 0.3, 0.4], vertices])
+    points = np.array([vertices, vertices, [[2, 0, 0], NAN, NAN]])
+    points[1, 2] = NAN
+    errors = two_way_chamfer_per_frame(predicted, points, bind_tracks(points[0], vertices))
+    # 0.5 both ways in frame 1; in frame 2 vertex 0 is 2 from its track, the nearer vertex 1 belongs to a hidden one.
+    assert errors == pytest.approx([0.0, 0.5, 2.0])
+
+
+def test_two_way_chamfer_of_an_episode_is_not_the_track_error():
+    # Two tracks that change places leave the set of points the same.
+    vertices = np.array([[0, 0, 0], [1, 0, 0]], float)
+    points = np.array([vertices, vertices[::-1], [NAN, NAN]])
+    errors = two_way_chamfer_per_frame(np.repeat(vertices[None], 3, axis=0), points, np.array([0, 1]))
+    assert errors[:2].tolist() == [0.0, 0.0]
+    assert np.isnan(errors[2])
+
+
 @pytest.mark.parametrize(
     ("frames", "split"), [(4, 2), (9, 6), (10, 7), (11, 7), (30, 21), (100, 70), (101, 70), (1000, 700)]
 )
@@ -116,8 +136,13 @@ def test_score_averages_frames_of_each_part():
     assert scores.train_chamfer_m == pytest.approx(3.5e-3)
     assert scores.test_chamfer_m == pytest.approx(8e-3)
     assert scores.all_chamfer_m == pytest.approx(5e-3)
+    assert scores.test_two_way_chamfer_m == pytest.approx(8e-3)
+    # Two points 1 m apart: no error of some millimetres leaves its cell of a quarter of a metre.
+    assert (scores.train_iou, scores.test_iou, scores.all_iou) == (1.0, 1.0, 1.0)
     assert set(scores.as_dict()) == {
-        f"{part}_{metric}_m" for part in ("train", "test", "all") for metric in ("chamfer", "track")
+        f"{part}_{metric}"
+        for part in ("train", "test", "all")
+        for metric in ("chamfer_m", "track_m", "two_way_chamfer_m", "iou")
     }
 
 

@@ -25,7 +25,7 @@ from egophys_core.cli.display import print_scores
 from egophys_core.episode import Episode
 from egophys_core.errors import EgophysError
 from egophys_core.evaluation import baseline_scores
-from egophys_core.identification import evaluate_twin, find_hands, hold_flags
+from egophys_core.identification import contact_flags, evaluate_twin, find_hands
 from egophys_core.recording import read_episode, xyz_of_message
 from egophys_core.replay import Outcome, replay_log
 from egophys_core.reporting import draw_shapes
@@ -226,8 +226,8 @@ def report(parsed: argparse.Namespace, episode: Episode, folder: Path, outcomes:
         ghost=outcomes.target,
         ground=twin.ground_height,
     )
-    hold = hold_flags(episode, find_hands(episode))
-    print_scores(f"fit of {episode.name}", {"twin": scores, **baseline_scores(episode, hold)})
+    contact = contact_flags(episode, find_hands(episode))
+    print_scores(f"fit of {episode.name}", {"twin": scores, **baseline_scores(episode, contact)})
     table = Table(title="distance of the object to the target shape (two-way Chamfer, mm)", title_justify="left")
     for name in ("before planning", "predicted", "after execution*"):
         table.add_column(name, justify="right")

@@ -7,7 +7,8 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.evaluation import bind_tracks, split_frames
-from egophys_core.identification.contact import NEAR, Hand, find_hands, hold_flags
+from egophys_core.identification.contact import Hand, contact_flags, find_hands
+from egophys_core.identification.hand_scene import REACH
 from egophys_core.identification.registration import place, placed
 from egophys_core.identification.rest_shape import observed_at_rest
 from egophys_core.simulation import Controls
@@ -35,7 +36,7 @@ class FitProblem:
     @property
     def first_frame(self) -> int:
         """Frame at which fitting rollouts begin, with the object at rest."""
-        return max(0, min(hand.first for hand in self.hands if hand.holds) - LEAD_FRAMES)
+        return max(0, min(hand.first for hand in self.hands if hand.touches) - LEAD_FRAMES)
 
     def require_train_frames(self) -> None:
         """Check that there is something to fit.
@@ -56,7 +57,7 @@ class FitProblem:
         return Controls(
             times=self.controls.times[frames],
             positions=self.controls.positions[frames],
-            hold=self.controls.hold[frames],
+            contact=self.controls.contact[frames],
         )
 
     def loss_frames(self, stride: int) -> np.ndarray:
@@ -73,14 +74,14 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
         spacing: metres between nodes.
 
     Raises:
-        EpisodeError: no hand ever comes near the object, so nothing drives it.
+        EpisodeError: no hand ever moves the object, so there is nothing to fit.
     """
     split_frames(episode)
     hands = tuple(find_hands(episode))
-    if not any(hand.holds for hand in hands):
+    if not any(hand.touches for hand in hands):
         raise EpisodeError(
-            f"{episode.name}: no hand comes within {NEAR} m of the object, so nothing moves it; check that "
-            "object and controller points are in the same frame and unit"
+            f"{episode.name}: no hand moves the object (no points within {REACH} m of one come along with it); "
+            "check that object and controller points are in the same frame and unit"
         )
     pose = place(positions[surface], observed_at_rest(episode, hands)[1], spacing=spacing)
     start = placed(positions, pose, positions[surface].mean(axis=0))
@@ -89,5 +90,5 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
         hands=hands,
         start=start,
         bound=bind_tracks(episode.points[0], start[surface]),
-        controls=Controls(times=episode.times, positions=episode.controllers, hold=hold_flags(episode, hands)),
+        controls=Controls(times=episode.times, positions=episode.controllers, contact=contact_flags(episode, hands)),
     )

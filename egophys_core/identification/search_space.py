@@ -19,6 +19,16 @@ from egophys_core.twin import (
 TOTAL_MASS = 0.1
 """kg. Motion alone does not tell the mass; forces are found for this one."""
 
+SHEET_NAMES = (
+    "bending_ratio",
+    "strain_limit",
+    "ground_projection",
+    "contact_threshold",
+    "collision_restitution",
+    "collision_friction",
+)
+"""Parameters of sheets that are searched as they are."""
+
 BENDING_REACH = (1.4, 2.2)
 """Bending springs are this many object radii long (longer-range springs of the paper)."""
 
@@ -53,11 +63,15 @@ class Searched:
 def searched_numbers(kind: ObjectKind) -> tuple[Searched, ...]:
     """The coarse parameters of a kind of object.
 
-    Rates are per node mass, lengths in units of the node spacing, so that one range serves all sizes.
+    Rates are per node mass, lengths in units of the node spacing, so that one range serves all sizes. Stiffer or more
+    damped springs than these ask for more substeps and fit no better (docs/notes/coarse_fit.md).
     """
     common = (
-        Searched(name="stiffness_rate", low=1e3, high=5e5, start=1e5, logarithmic=True),
-        Searched(name="damping_rate", low=0.03, high=300.0, start=2.0, logarithmic=True),
+        Searched(name="stiffness_rate", low=1e3, high=1e5, start=3e4, logarithmic=True),
+        # A sheet's bending springs have 20 times the dashpot.
+        Searched(
+            name="damping_rate", low=0.03, high=5.0 if kind == ObjectKind.SHEET else 30.0, start=1.0, logarithmic=True
+        ),
         Searched(name="object_radius", low=1.0, high=3.0, start=1.5),
         Searched(name="object_neighbours", low=4.0, high=20.0, start=10.0),
         Searched(name="controller_radius", low=0.5, high=4.0, start=2.0),
@@ -73,6 +87,9 @@ def searched_numbers(kind: ObjectKind) -> tuple[Searched, ...]:
         Searched(name="strain_limit", low=0.02, high=1.0, start=0.5, logarithmic=True),
         Searched(name="ground_projection", low=0.0, high=1.0, start=0.1),
         Searched(name="contact_threshold", low=0.0, high=0.01, start=0.002),
+        Searched(name="collision_distance", low=0.5, high=1.0, start=0.75),
+        Searched(name="collision_restitution", low=0.0, high=0.8, start=0.1),
+        Searched(name="collision_friction", low=0.0, high=1.5, start=0.3),
     )
 
 
@@ -84,7 +101,8 @@ def candidate(shape: RestShape, coordinates: np.ndarray, *, ground_height: float
     sheet = shape.kind == ObjectKind.SHEET
     stiffness = value["stiffness_rate"] * node_mass
     extra = (
-        {name: value[name] for name in ("bending_ratio", "strain_limit", "ground_projection", "contact_threshold")}
+        {name: value[name] for name in SHEET_NAMES}
+        | {"collision_distance": value["collision_distance"] * shape.spacing}
         if sheet
         else {"drag": value["drag"], "strain_limit": 1e6, "ground_projection": 0.0}
     )

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from egophys_core.errors import PlanningError
-from egophys_core.simulation import Controls
+from egophys_core.simulation import ContactKind, Controls
 from egophys_core.waypoint_plan import UNIT_QUATERNION_TOLERANCE, WaypointPlan
 
 POINTING_DOWN = np.array([1.0, 0.0, 0.0, 0.0])
@@ -79,9 +79,9 @@ def controls_of_plan(plan: WaypointPlan, grasp: Grasp) -> Controls:
     rotations = Slerp(times, Rotation.from_quat(plan.quaternions))(inside)
     points = np.stack([rotation.apply(grasp.controllers) for rotation in rotations]) + positions[:, None]
     waypoint = np.searchsorted(times, inside, side="right") - 1
-    hold = plan.gripper_opening[waypoint] < CLOSED_BELOW
+    contact = np.where(plan.gripper_opening[waypoint] < CLOSED_BELOW, ContactKind.HOLD, ContactKind.NONE)
     return Controls(
         times=frames - start,
         positions=points.astype(np.float32),
-        hold=np.repeat(hold[:, None], len(grasp.controllers), axis=1),
+        contact=np.repeat(contact[:, None], len(grasp.controllers), axis=1),
     )

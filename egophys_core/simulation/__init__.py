@@ -1,7 +1,17 @@
 """Spring-mass rollouts in Warp: a batch of K at once, on the CPU or CUDA from the same kernels."""
 
-from egophys_core.simulation.batch import RolloutBatch, batch_of_models
-from egophys_core.simulation.controls import Controls
+from egophys_core.simulation.batch import RolloutBatch, batch_of_models, spring_order
+from egophys_core.simulation.controls import ContactKind, Controls
+from egophys_core.simulation.effects import ForceEffect
 from egophys_core.simulation.rollout import Rollout, rollout
 
-__all__ = ["Controls", "Rollout", "RolloutBatch", "batch_of_models", "rollout"]
+__all__ = [
+    "ContactKind",
+    "Controls",
+    "ForceEffect",
+    "Rollout",
+    "RolloutBatch",
+    "batch_of_models",
+    "rollout",
+    "spring_order",
+]

@@ -1,13 +1,15 @@
 """RolloutBatch: everything K rollouts need, with graphs and parameters of their own."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.controls import Controls
-from egophys_core.twin import ObjectKind, ObjectModel, PhysicalParameters
+from egophys_core.simulation.effects import ForceEffect
+from egophys_core.simulation.springs import UNLIMITED
+from egophys_core.twin import ObjectKind, ObjectModel, PhysicalParameters, SpringKind
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,19 +20,23 @@ class RolloutBatch:
     """
 
     springs: np.ndarray
-    """[E, 2] int32, i < j."""
+    """[E, 2] int32, in order of their first node."""
     stiffness: np.ndarray
     """[K, E] float32, N/m; 0 where absent."""
     damping: np.ndarray
     """[K, E] float32, N s/m; 0 where absent."""
     rest_lengths: np.ndarray
     """[K, E] float32, metres; any positive number where absent."""
+    longest_extensions: np.ndarray
+    """[K, E] float32, metres: beyond it a spring pulls no harder; `UNLIMITED` for springs that never soften."""
     masses: np.ndarray
     """[K, N] float32, kg."""
     positions: np.ndarray
     """[K, N, 3] float32, start, metres, world."""
     velocities: np.ndarray
     """[K, N, 3] float32, start, m/s."""
+    rest_positions: np.ndarray
+    """[N, 3] float32, metres: the object at rest; nodes that are near there do not collide with each other."""
     parameters: tuple[PhysicalParameters, ...]
     """K of them."""
     controls: tuple[Controls, ...]
@@ -39,6 +45,8 @@ class RolloutBatch:
     """Whether controller springs use the flat object's fallback."""
     ground_height: float
     """World z of the table, metres."""
+    effects: tuple[ForceEffect, ...] = ()
+    """Forces beyond the base simulator's."""
 
     def __post_init__(self) -> None:
         count, springs = self.count, len(self.springs)
@@ -48,12 +56,19 @@ class RolloutBatch:
             ("stiffness", self.stiffness, (count, springs)),
             ("damping", self.damping, (count, springs)),
             ("rest_lengths", self.rest_lengths, (count, springs)),
+            ("longest_extensions", self.longest_extensions, (count, springs)),
             ("masses", self.masses, (count, nodes)),
             ("positions", self.positions, (count, nodes, 3)),
             ("velocities", self.velocities, (count, nodes, 3)),
+            ("rest_positions", self.rest_positions, (nodes, 3)),
         ):
             if array.shape != shape:
                 raise SimulationError(f"batch of {count} rollouts: {label} must be {shape}, got {array.shape}")
+        if (np.diff(self.springs[:, 0]) < 0).any():
+            raise SimulationError("batch: springs must be in order of their first node")
+        for effect in self.effects:
+            if effect.numbers.ndim != 2 or len(effect.numbers) != count:
+                raise SimulationError(f"an effect's numbers must be [{count}, P], got {effect.numbers.shape}")
         if count == 0 or len(self.controls) != count:
             raise SimulationError(f"batch needs one control sequence per rollout: {count} and {len(self.controls)}")
         first = self.controls[0]
@@ -70,19 +85,31 @@ class RolloutBatch:
 
     def part(self, rows: np.ndarray) -> "RolloutBatch":
         """Some rollouts as a batch of their own, without the springs that none of them has."""
-        present = (self.stiffness[rows] > 0).any(axis=0)
-        return RolloutBatch(
-            springs=self.springs[present],
-            stiffness=self.stiffness[rows][:, present],
-            damping=self.damping[rows][:, present],
-            rest_lengths=self.rest_lengths[rows][:, present],
+        part = self.rows(rows)
+        present = (part.stiffness > 0).any(axis=0)
+        return replace(
+            part,
+            springs=part.springs[present],
+            stiffness=part.stiffness[:, present],
+            damping=part.damping[:, present],
+            rest_lengths=part.rest_lengths[:, present],
+            longest_extensions=part.longest_extensions[:, present],
+        )
+
+    def rows(self, rows: np.ndarray) -> "RolloutBatch":
+        """Some rollouts, in this order, as often as they are named."""
+        return replace(
+            self,
+            stiffness=self.stiffness[rows],
+            damping=self.damping[rows],
+            rest_lengths=self.rest_lengths[rows],
+            longest_extensions=self.longest_extensions[rows],
             masses=self.masses[rows],
             positions=self.positions[rows],
             velocities=self.velocities[rows],
             parameters=tuple(self.parameters[row] for row in rows),
             controls=tuple(self.controls[row] for row in rows),
-            flat=self.flat,
-            ground_height=self.ground_height,
+            effects=tuple(replace(effect, numbers=effect.numbers[rows]) for effect in self.effects),
         )
 
 
@@ -103,28 +130,44 @@ def batch_of_models(
     for model in models:
         if len(model.graph.positions) != nodes or model.kind != first.kind:
             raise SimulationError("a batch needs models of one object: the same kind and number of nodes")
-    codes = [model.graph.springs[:, 0].astype(np.int64) * nodes + model.graph.springs[:, 1] for model in models]
+    codes = [_codes(model) for model in models]
     # A pair can be a structural spring of one model and a bending spring of another: one entry serves both.
     union = np.unique(np.concatenate(codes))
     shape = (len(models), len(union))
     stiffness, damping = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    rest_lengths = np.ones(shape, np.float32)
+    rest_lengths, longest_extensions = np.ones(shape, np.float32), np.full(shape, UNLIMITED, np.float32)
     for row, (model, code) in enumerate(zip(models, codes, strict=True)):
         columns = np.searchsorted(union, code)
         stiffness[row, columns] = model.stiffness
         damping[row, columns] = model.spring_damping
         rest_lengths[row, columns] = model.graph.rest_lengths
+        structural = model.graph.kinds == SpringKind.STRUCTURAL
+        longest_extensions[row, columns[structural]] = (
+            model.parameters.strain_limit * model.graph.rest_lengths[structural]
+        )
     positions = starts if starts is not None else [model.graph.positions for model in models]
     return RolloutBatch(
         springs=np.stack([union // nodes, union % nodes], axis=1).astype(np.int32),
         stiffness=stiffness,
         damping=damping,
         rest_lengths=rest_lengths,
+        longest_extensions=longest_extensions,
         masses=np.stack([model.node_masses for model in models]),
         positions=np.stack(list(positions)).astype(np.float32),
         velocities=np.zeros((len(models), nodes, 3), np.float32),
+        rest_positions=first.graph.positions,
         parameters=tuple(model.parameters for model in models),
         controls=tuple(controls),
         flat=first.kind == ObjectKind.SHEET,
         ground_height=ground_height,
     )
+
+
+def spring_order(model: ObjectModel) -> np.ndarray:
+    """[E] where each spring of a model stands in `batch_of_models([model], ...)`."""
+    return np.argsort(np.argsort(_codes(model)))
+
+
+def _codes(model: ObjectModel) -> np.ndarray:
+    """One number per spring that names its pair of nodes; sorted, they order springs by their first node."""
+    return model.graph.springs[:, 0].astype(np.int64) * len(model.graph.positions) + model.graph.springs[:, 1]

@@ -2,14 +2,21 @@
 
 import warp as wp
 
+from egophys_core.simulation.lanes import Lanes
 from egophys_core.simulation.state import ParameterArrays, StateArrays
 
 
 @wp.func
-def add_body_forces(group: int, first: int, last: int, state: StateArrays, parameters: ParameterArrays):
+def add_body_forces(
+    group: int,
+    first: int,
+    last: int,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    forces: wp.array3d(dtype=Lanes),
+):
     """Add weight and drag, m (-g z - drag v), to the forces on nodes first..last-1, N."""
     velocities = state.velocities
-    forces = state.forces
     masses = parameters.masses
     gravity = parameters.gravity[group]
     drag = parameters.drag[group]

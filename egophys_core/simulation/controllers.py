@@ -3,7 +3,7 @@
 import warp as wp
 
 from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.state import ParameterArrays, StateArrays
+from egophys_core.simulation.state import FrameArrays, StateArrays
 
 
 @wp.struct
@@ -52,22 +52,22 @@ def move_controllers(
     first: int,
     last: int,
     substep: int,
-    state: StateArrays,
     controllers: ControllerArrays,
-    parameters: ParameterArrays,
+    frame: FrameArrays,
+    after: StateArrays,
 ):
     """Put controller points first..last-1 where their recorded motion is at the end of the substep."""
-    duration = parameters.frame_duration[group]
-    substeps = parameters.substeps[group]
+    duration = frame.duration[group]
+    substeps = frame.substeps[group]
     share = Lanes()
     for lane in range(LANES):
         share[lane] = wp.min(1.0, float(substep + 1) / substeps[lane])
     for controller in range(first, last):
-        node = state.node_count + controller
+        node = frame.node_count + controller
         for axis in range(3):
             p0 = controllers.start_positions[group, controller, axis]
             p1 = controllers.end_positions[group, controller, axis]
             v0 = controllers.start_velocities[group, controller, axis]
             v1 = controllers.end_velocities[group, controller, axis]
-            state.positions[group, node, axis] = hermite(p0, p1, v0, v1, share, duration)
-            state.velocities[group, node, axis] = hermite_velocity(p0, p1, v0, v1, share, duration)
+            after.positions[group, node, axis] = hermite(p0, p1, v0, v1, share, duration)
+            after.velocities[group, node, axis] = hermite_velocity(p0, p1, v0, v1, share, duration)

@@ -1,10 +1,21 @@
-"""Controls: how the controller points move and when they hold the object."""
+"""Controls: how the controller points move and when they touch the object."""
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
 from egophys_core.errors import SimulationError
+
+
+class ContactKind(IntEnum):
+    """What a controller point does to the nodes near it."""
+
+    NONE = 0
+    HOLD = 1
+    """Pulls and pushes the nodes it took hold of."""
+    PRESS = 2
+    """Pushes the nodes that were near when the contact began, and never pulls."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,8 +26,8 @@ class Controls:
     """[F] float64, seconds, increasing; the simulation state is returned at these times."""
     positions: np.ndarray
     """[F, C, 3] float32, metres, world."""
-    hold: np.ndarray
-    """[F, C] bool: the point holds the nodes near it from the first frame of a run of True to its last."""
+    contact: np.ndarray
+    """[F, C] uint8 `ContactKind`: a run of equal values is one contact, from its first frame to its last."""
 
     def __post_init__(self) -> None:
         frames = len(self.times)
@@ -24,8 +35,10 @@ class Controls:
             raise SimulationError(f"controls need at least 2 increasing times, got {frames}")
         if self.positions.ndim != 3 or self.positions.shape[0] != frames or self.positions.shape[2] != 3:
             raise SimulationError(f"controls must be [{frames}, C, 3] in metres, got {self.positions.shape}")
-        if self.hold.shape != self.positions.shape[:2]:
-            raise SimulationError(f"controls hold must be {self.positions.shape[:2]}, got {self.hold.shape}")
+        if self.contact.shape != self.positions.shape[:2]:
+            raise SimulationError(f"controls contact must be {self.positions.shape[:2]}, got {self.contact.shape}")
+        if not np.isin(self.contact, list(ContactKind)).all():
+            raise SimulationError(f"controls contact must be 0, 1 or 2 (ContactKind), got {self.contact.max()}")
         if not np.isfinite(self.positions).all():
             frame, controller = np.argwhere(~np.isfinite(self.positions))[0][:2]
             raise SimulationError(f"controls: controller {controller} is not finite at frame {frame}")

@@ -31,4 +31,4 @@ def pack(values: np.ndarray) -> np.ndarray:
 def unpack(packed: np.ndarray, rollouts: int) -> np.ndarray:
     """Inverse of `pack`: [G, ..., LANES] -> [K, ...]."""
     values = np.moveaxis(packed, -1, 1)
-    return values.reshape(-1, *values.shape[2:])[:rollouts]
+    return values.reshape(values.shape[0] * LANES, *values.shape[2:])[:rollouts]

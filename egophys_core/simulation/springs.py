@@ -9,61 +9,54 @@ SHORTEST_LENGTH = 1.0e-9
 """Metres. Guards the division by the length: below it the elastic force fades to 0 with the length."""
 
 UNLIMITED = 1.0e9
-"""Added to the strain limit of springs that never soften."""
+"""Metres. Longest extension of a spring that never softens."""
 
 
 @wp.struct
 class SpringArrays:
-    """Springs seen from each node (compressed rows): every spring stands in the rows of both its nodes."""
+    """Springs in rows, one row per node: each spring stands in the row of its first node."""
 
     starts: wp.array(dtype=int)
-    """[N + 1] first entry of each node's row."""
-    neighbours: wp.array(dtype=int)
-    """[D] node at the other end."""
-    extra_strain: wp.array(dtype=float)
-    """[D] added to the strain limit: 0, or `UNLIMITED` for controller springs, which never soften."""
+    """[N + 1] first spring of each node's row."""
+    ends: wp.array(dtype=int)
+    """[E] node at the other end; from N on it is a controller point."""
     stiffness: wp.array2d(dtype=Lanes)
-    """[G, D] N/m; 0 where a rollout lacks the spring."""
+    """[G, E] N/m; 0 where a rollout lacks the spring."""
     damping: wp.array2d(dtype=Lanes)
-    """[G, D] N s/m; 0 where a rollout lacks the spring."""
+    """[G, E] N s/m; 0 where a rollout lacks the spring."""
     rest_lengths: wp.array2d(dtype=Lanes)
-    """[G, D] metres."""
+    """[G, E] metres."""
+    longest_extensions: wp.array2d(dtype=Lanes)
+    """[G, E] metres: force grows up to this extension; `UNLIMITED`, or 0 for a contact that only pushes."""
 
 
 @wp.func
-def elastic_coefficient(squared_length: Lanes, stiffness: Lanes, rest_length: Lanes, strain_limit: Lanes) -> Lanes:
-    """k eta (l - l0) / l per lane: times the vector to the neighbour it is the elastic force, N/m.
+def elastic_coefficient(squared_length: Lanes, stiffness: Lanes, rest_length: Lanes, longest_extension: Lanes) -> Lanes:
+    """k eta (l - l0) / l per lane: times the vector to the other end it is the elastic force, N/m.
 
     The paper softens a stretched spring by eta = min(1, strain_limit / strain). With strain = (l - l0) / l0,
     eta (l - l0) = min(l - l0, strain_limit l0): the extension that counts is capped. Compression is untouched.
     """
     coefficient = Lanes()
     for lane in range(LANES):
-        length = wp.sqrt(squared_length[lane])
-        extension = wp.min(length - rest_length[lane], strain_limit[lane] * rest_length[lane])
-        coefficient[lane] = stiffness[lane] * extension / wp.max(length, SHORTEST_LENGTH)
+        length = wp.sqrt(wp.max(squared_length[lane], SHORTEST_LENGTH * SHORTEST_LENGTH))
+        extension = wp.min(length - rest_length[lane], longest_extension[lane])
+        coefficient[lane] = stiffness[lane] * extension / length
     return coefficient
 
 
 @wp.func
 def add_spring_forces(
-    group: int,
-    first: int,
-    last: int,
-    state: StateArrays,
-    springs: SpringArrays,
-    strain_limits: wp.array(dtype=Lanes),
+    group: int, first: int, last: int, state: StateArrays, springs: SpringArrays, forces: wp.array3d(dtype=Lanes)
 ):
-    """Add sum_j k eta (l - l0) d - gamma (v_i - v_j) to the forces on nodes first..last-1, N."""
+    """Add k eta (l - l0) d - gamma (v_i - v_j) of the springs in the rows of first..last-1 to both their nodes, N."""
     positions = state.positions
     velocities = state.velocities
-    forces = state.forces
-    neighbours = springs.neighbours
+    ends = springs.ends
     stiffness = springs.stiffness
     damping = springs.damping
     rest_lengths = springs.rest_lengths
-    extra_strain = springs.extra_strain
-    strain_limit = strain_limits[group]
+    longest_extensions = springs.longest_extensions
     for node in range(first, last):
         x = positions[group, node, 0]
         y = positions[group, node, 1]
@@ -74,22 +67,81 @@ def add_spring_forces(
         fx = Lanes()
         fy = Lanes()
         fz = Lanes()
-        for entry in range(springs.starts[node], springs.starts[node + 1]):
-            other = neighbours[entry]
+        for spring in range(springs.starts[node], springs.starts[node + 1]):
+            other = ends[spring]
             dx = positions[group, other, 0] - x
             dy = positions[group, other, 1] - y
             dz = positions[group, other, 2] - z
-            squared_length = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz)
             elastic = elastic_coefficient(
-                squared_length,
-                stiffness[group, entry],
-                rest_lengths[group, entry],
-                strain_limit + Lanes(extra_strain[entry]),
+                wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz),
+                stiffness[group, spring],
+                rest_lengths[group, spring],
+                longest_extensions[group, spring],
             )
-            gamma = damping[group, entry]
-            fx += wp.cw_mul(elastic, dx) + wp.cw_mul(gamma, velocities[group, other, 0] - vx)
-            fy += wp.cw_mul(elastic, dy) + wp.cw_mul(gamma, velocities[group, other, 1] - vy)
-            fz += wp.cw_mul(elastic, dz) + wp.cw_mul(gamma, velocities[group, other, 2] - vz)
+            gamma = damping[group, spring]
+            gx = wp.cw_mul(elastic, dx) + wp.cw_mul(gamma, velocities[group, other, 0] - vx)
+            gy = wp.cw_mul(elastic, dy) + wp.cw_mul(gamma, velocities[group, other, 1] - vy)
+            gz = wp.cw_mul(elastic, dz) + wp.cw_mul(gamma, velocities[group, other, 2] - vz)
+            fx += gx
+            fy += gy
+            fz += gz
+            forces[group, other, 0] -= gx
+            forces[group, other, 1] -= gy
+            forces[group, other, 2] -= gz
+        forces[group, node, 0] += fx
+        forces[group, node, 1] += fy
+        forces[group, node, 2] += fz
+
+
+@wp.func
+def acting(pull: Lanes, squared_length: Lanes, rest_length: Lanes, longest_extension: Lanes) -> Lanes:
+    """1 where a controller spring acts: always for a hold; for a press only while it is compressed and pushes.
+
+    `pull` is the force along the line to the controller point times its length, N m: the dashpot of a press pulls
+    when the hand retreats, and where it would outweigh the push the contact is open.
+    """
+    acts = Lanes()
+    for lane in range(LANES):
+        compressed = wp.step(squared_length[lane] - rest_length[lane] * rest_length[lane])
+        acts[lane] = wp.max(wp.step(-longest_extension[lane]), compressed * wp.step(pull[lane]))
+    return acts
+
+
+@wp.func
+def add_grip_forces(
+    group: int, first: int, last: int, state: StateArrays, grips: SpringArrays, forces: wp.array3d(dtype=Lanes)
+):
+    """Add the force of controller springs to nodes first..last-1, N: as other springs, but a press does not pull."""
+    positions = state.positions
+    velocities = state.velocities
+    for node in range(first, last):
+        x = positions[group, node, 0]
+        y = positions[group, node, 1]
+        z = positions[group, node, 2]
+        vx = velocities[group, node, 0]
+        vy = velocities[group, node, 1]
+        vz = velocities[group, node, 2]
+        fx = Lanes()
+        fy = Lanes()
+        fz = Lanes()
+        for grip in range(grips.starts[node], grips.starts[node + 1]):
+            controller = grips.ends[grip]
+            dx = positions[group, controller, 0] - x
+            dy = positions[group, controller, 1] - y
+            dz = positions[group, controller, 2] - z
+            squared_length = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz)
+            rest_length = grips.rest_lengths[group, grip]
+            longest_extension = grips.longest_extensions[group, grip]
+            elastic = elastic_coefficient(squared_length, grips.stiffness[group, grip], rest_length, longest_extension)
+            gamma = grips.damping[group, grip]
+            gx = wp.cw_mul(elastic, dx) + wp.cw_mul(gamma, velocities[group, controller, 0] - vx)
+            gy = wp.cw_mul(elastic, dy) + wp.cw_mul(gamma, velocities[group, controller, 1] - vy)
+            gz = wp.cw_mul(elastic, dz) + wp.cw_mul(gamma, velocities[group, controller, 2] - vz)
+            pull = wp.cw_mul(gx, dx) + wp.cw_mul(gy, dy) + wp.cw_mul(gz, dz)
+            acts = acting(pull, squared_length, rest_length, longest_extension)
+            fx += wp.cw_mul(acts, gx)
+            fy += wp.cw_mul(acts, gy)
+            fz += wp.cw_mul(acts, gz)
         forces[group, node, 0] += fx
         forces[group, node, 1] += fy
         forces[group, node, 2] += fz

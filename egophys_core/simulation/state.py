@@ -4,6 +4,9 @@ import warp as wp
 
 from egophys_core.simulation.lanes import LANES, Lanes
 
+RUNNING = 2**30
+"""In `FrameArrays.divergence`: this rollout has not diverged."""
+
 
 @wp.struct
 class StateArrays:
@@ -13,10 +16,6 @@ class StateArrays:
     """[G, N + C, 3] metres, world."""
     velocities: wp.array3d(dtype=Lanes)
     """[G, N + C, 3] m/s."""
-    forces: wp.array3d(dtype=Lanes)
-    """[G, N, 3] newtons; terms add to it, the integrator uses it up and leaves zeros."""
-    node_count: int
-    controller_count: int
 
 
 @wp.struct
@@ -29,7 +28,6 @@ class ParameterArrays:
     """m/s^2, downward."""
     drag: wp.array(dtype=Lanes)
     """1/s."""
-    strain_limit: wp.array(dtype=Lanes)
     restitution: wp.array(dtype=Lanes)
     friction: wp.array(dtype=Lanes)
     ground_projection: wp.array(dtype=Lanes)
@@ -37,17 +35,43 @@ class ParameterArrays:
     """Metres."""
     contact_height: wp.array(dtype=Lanes)
     """World z of a node's centre that touches the table, metres."""
+    collision_restitution: wp.array(dtype=Lanes)
+    collision_friction: wp.array(dtype=Lanes)
+
+
+@wp.struct
+class FrameArrays:
+    """The frame that is being advanced."""
+
+    node_count: int
+    controller_count: int
+    start: wp.array(dtype=Lanes)
+    """[G] seconds, when the frame begins."""
+    duration: wp.array(dtype=Lanes)
+    """[G] seconds."""
     substeps: wp.array(dtype=Lanes)
-    """Substeps per frame (a whole number)."""
-    frame_duration: wp.array(dtype=Lanes)
-    """Seconds."""
+    """[G] substeps in the frame (whole numbers)."""
+    divergence: wp.array2d(dtype=int)
+    """[G, LANES] substep * N + node where a rollout diverged in this frame or before it, else `RUNNING`."""
 
 
 @wp.func
-def substep_duration(group: int, substep: int, parameters: ParameterArrays) -> Lanes:
-    """Seconds of this substep; 0 for a rollout that has done all its substeps of the frame."""
+def substep_duration(group: int, substep: int, frame: FrameArrays) -> Lanes:
+    """Seconds of this substep; 0 for a rollout that has done all its substeps of the frame or has diverged."""
     duration = Lanes()
     for lane in range(LANES):
-        count = parameters.substeps[group][lane]
-        duration[lane] = wp.where(float(substep) < count, parameters.frame_duration[group][lane] / count, 0.0)
+        count = frame.substeps[group][lane]
+        left = wp.where(float(substep) < count, frame.duration[group][lane] / count, 0.0)
+        duration[lane] = wp.where(frame.divergence[group, lane] == RUNNING, left, 0.0)
     return duration
+
+
+@wp.func
+def substep_time(group: int, substep: int, frame: FrameArrays) -> Lanes:
+    """Seconds since the start of the rollout at the beginning of this substep."""
+    time = Lanes()
+    for lane in range(LANES):
+        # A lane may have no substeps in a frame.
+        count = wp.max(frame.substeps[group][lane], 1.0)
+        time[lane] = frame.start[group][lane] + float(substep) * frame.duration[group][lane] / count
+    return time

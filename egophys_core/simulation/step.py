@@ -1,93 +1,145 @@
-"""One substep of the simulator: an ordered list of terms, then semi-implicit Euler.
+"""One substep of the simulator: an ordered list of force terms, then semi-implicit Euler.
 
 Every term is a function over a range of nodes that adds to the forces. On a CPU one launch runs all substeps of a
-frame and gives each term all nodes at once; on a GPU a substep is two launches with a thread per node. Calling the
-terms node by node on the CPU was slower by a quarter (docs/notes/simulation.md).
+frame, in place, one thread per lane group; a spring is computed once and added to both its nodes
+(docs/notes/simulation.md). `substep` has the same functions as kernels with a thread per node.
 """
+
+from functools import cache
 
 import warp as wp
 
 from egophys_core.simulation.body_forces import add_body_forces
 from egophys_core.simulation.controllers import ControllerArrays, move_controllers
-from egophys_core.simulation.ground import collide, project_upward_forces
+from egophys_core.simulation.integrator import clear, drift, find_divergence, kick
 from egophys_core.simulation.lanes import Lanes
-from egophys_core.simulation.springs import SpringArrays, add_spring_forces
-from egophys_core.simulation.state import ParameterArrays, StateArrays, substep_duration
+from egophys_core.simulation.self_collision import PairArrays, add_contact_impulses, apply_changes, count_contacts
+from egophys_core.simulation.springs import SpringArrays, add_grip_forces, add_spring_forces
+from egophys_core.simulation.state import FrameArrays, ParameterArrays, StateArrays, substep_duration, substep_time
+
+EffectTerms = tuple[tuple[wp.Function, int], ...]
+"""Extra terms: the function of each effect and the column of its first number."""
 
 
-@wp.func
-def add_forces(
-    group: int, first: int, last: int, state: StateArrays, springs: SpringArrays, parameters: ParameterArrays
-):
-    """All terms, in order; the ground projection acts on the sum of those before it."""
-    add_spring_forces(group, first, last, state, springs, parameters.strain_limit)
-    add_body_forces(group, first, last, state, parameters)
-    project_upward_forces(group, first, last, state, parameters)
+@cache
+def node_force_sum(effects: EffectTerms) -> wp.Function:
+    """Body forces and effects, in order, as one function over a range of nodes.
+
+    Each effect is added to the sum of those before it, not in a loop over them: Warp tells kernels apart by what they
+    refer to, and does not see what a `wp.static` that depends on a loop refers to.
+    """
+    if not effects:
+
+        @wp.func
+        def add_no_effect(
+            group: int,
+            first: int,
+            last: int,
+            time: Lanes,
+            state: StateArrays,
+            parameters: ParameterArrays,
+            numbers: wp.array2d(dtype=Lanes),
+            forces: wp.array3d(dtype=Lanes),
+        ):
+            add_body_forces(group, first, last, state, parameters, forces)
+
+        return add_no_effect
+    add_before = node_force_sum(effects[:-1])
+    add_effect, column = effects[-1]
+
+    @wp.func
+    def add_node_forces(
+        group: int,
+        first: int,
+        last: int,
+        time: Lanes,
+        state: StateArrays,
+        parameters: ParameterArrays,
+        numbers: wp.array2d(dtype=Lanes),
+        forces: wp.array3d(dtype=Lanes),
+    ):
+        add_before(group, first, last, time, state, parameters, numbers, forces)
+        add_effect(group, first, last, wp.static(column), time, state, parameters, numbers, forces)
+
+    return add_node_forces
 
 
-@wp.func
-def advance_nodes(group: int, first: int, last: int, dt: Lanes, state: StateArrays, parameters: ParameterArrays):
-    """Semi-implicit Euler for nodes first..last-1: v += dt F / m, table contact, x += dt v; forces become 0."""
-    positions = state.positions
-    velocities = state.velocities
-    forces = state.forces
-    masses = parameters.masses
-    contact_height = parameters.contact_height[group]
-    restitution = parameters.restitution[group]
-    friction = parameters.friction[group]
-    for node in range(first, last):
-        rate = wp.cw_div(dt, masses[group, node])
-        vx, vy, vz, rise = collide(
-            positions[group, node, 2] - contact_height,
-            velocities[group, node, 0] + wp.cw_mul(rate, forces[group, node, 0]),
-            velocities[group, node, 1] + wp.cw_mul(rate, forces[group, node, 1]),
-            velocities[group, node, 2] + wp.cw_mul(rate, forces[group, node, 2]),
-            dt,
-            restitution,
-            friction,
-        )
-        velocities[group, node, 0] = vx
-        velocities[group, node, 1] = vy
-        velocities[group, node, 2] = vz
-        positions[group, node, 0] += wp.cw_mul(dt, vx)
-        positions[group, node, 1] += wp.cw_mul(dt, vy)
-        positions[group, node, 2] += rise
-        forces[group, node, 0] = Lanes()
-        forces[group, node, 1] = Lanes()
-        forces[group, node, 2] = Lanes()
+@cache
+def force_sum(effects: EffectTerms) -> wp.Function:
+    """All terms, in order, as one function over a range of nodes."""
+    add_node_forces = node_force_sum(effects)
+
+    @wp.func
+    def add_forces(
+        group: int,
+        first: int,
+        last: int,
+        time: Lanes,
+        state: StateArrays,
+        springs: SpringArrays,
+        grips: SpringArrays,
+        parameters: ParameterArrays,
+        numbers: wp.array2d(dtype=Lanes),
+        forces: wp.array3d(dtype=Lanes),
+    ):
+        add_node_forces(group, first, last, time, state, parameters, numbers, forces)
+        # Last, because going back their hand-written adjoints need the derivatives' arrays, which the adjoints that
+        # Warp generates for the others replace by empty ones once they are done.
+        add_grip_forces(group, first, last, state, grips, forces)
+        add_spring_forces(group, first, last, state, springs, forces)
+
+    return add_forces
 
 
-@wp.kernel(enable_backward=False)
-def advance_frame(
-    substeps: int,
-    state: StateArrays,
-    springs: SpringArrays,
-    controllers: ControllerArrays,
-    parameters: ParameterArrays,
-):
-    """All substeps of a frame for one lane group; launched with dim = G on a CPU."""
-    group = wp.tid()
-    for substep in range(substeps):
-        dt = substep_duration(group, substep, parameters)
-        add_forces(group, 0, state.node_count, state, springs, parameters)
-        advance_nodes(group, 0, state.node_count, dt, state, parameters)
-        move_controllers(group, 0, state.controller_count, substep, state, controllers, parameters)
+@cache
+def frame_kernel(effects: EffectTerms) -> wp.Kernel:
+    """All substeps of a frame for one lane group, in place; to be launched with dim = G on a CPU."""
+    add_forces = force_sum(effects)
 
+    @wp.kernel(enable_backward=False, module="unique")
+    def advance_frame(
+        substeps: int,
+        state: StateArrays,
+        forces: wp.array3d(dtype=Lanes),
+        springs: SpringArrays,
+        grips: SpringArrays,
+        controllers: ControllerArrays,
+        parameters: ParameterArrays,
+        numbers: wp.array2d(dtype=Lanes),
+        pairs: PairArrays,
+        contacts: wp.array2d(dtype=Lanes),
+        changes: wp.array3d(dtype=Lanes),
+        frame: FrameArrays,
+    ):
+        group = wp.tid()
+        nodes = frame.node_count
+        for substep in range(substeps):
+            dt = substep_duration(group, substep, frame)
+            time = substep_time(group, substep, frame)
+            add_forces(group, 0, nodes, time, state, springs, grips, parameters, numbers, forces)
+            kick(group, 0, nodes, dt, state, forces, parameters, state.velocities)
+            clear(group, 0, nodes, forces)
+            if pairs.count > 0:
+                count_contacts(group, 0, nodes, state.positions, state.velocities, pairs, contacts)
+                add_contact_impulses(
+                    group,
+                    0,
+                    nodes,
+                    state.positions,
+                    state.velocities,
+                    parameters.masses,
+                    pairs,
+                    contacts,
+                    parameters.collision_restitution[group],
+                    parameters.collision_friction[group],
+                    changes,
+                )
+                apply_changes(group, 0, nodes, dt, state.velocities, changes, state.velocities)
+                clear(group, 0, nodes, changes)
+                for node in range(nodes):
+                    contacts[group, node] = Lanes()
+            drift(group, 0, nodes, dt, state.positions, state.velocities, parameters, state)
+            find_divergence(group, 0, nodes, substep, state.velocities, frame)
+            move_controllers(group, 0, frame.controller_count, substep, controllers, frame, state)
 
-@wp.kernel(enable_backward=False)
-def gather_forces(state: StateArrays, springs: SpringArrays, parameters: ParameterArrays):
-    """First half of a substep; launched with dim = (G, N) on a GPU."""
-    group, node = wp.tid()
-    add_forces(group, node, node + 1, state, springs, parameters)
-
-
-@wp.kernel(enable_backward=False)
-def advance_substep(substep: int, state: StateArrays, controllers: ControllerArrays, parameters: ParameterArrays):
-    """Second half of a substep; launched with dim = (G, N + C) on a GPU."""
-    group, node = wp.tid()
-    if node < state.node_count:
-        dt = substep_duration(group, substep, parameters)
-        advance_nodes(group, node, node + 1, dt, state, parameters)
-    else:
-        controller = node - state.node_count
-        move_controllers(group, controller, controller + 1, substep, state, controllers, parameters)
+    return advance_frame

@@ -72,14 +72,16 @@ def connect(positions: np.ndarray, *, radius: float, max_neighbours: int, inner_
     Returns:
         [E, 2] int32 pairs i < j, sorted, without repeats.
     """
-    tree = cKDTree(positions)
-    distances, neighbours = tree.query(positions, k=len(positions), distance_upper_bound=radius * (1 + 1e-6))
-    inside = np.isfinite(distances) & (distances > max(inner_radius, 0.0))
-    inside[:, 0] = False
-    inside &= np.cumsum(inside, axis=1) <= max_neighbours
-    node, rank = np.nonzero(inside)
-    pairs = np.stack([node, neighbours[node, rank]], axis=1)
-    return np.unique(np.sort(pairs, axis=1), axis=0).astype(np.int32).reshape(-1, 2)
+    near = cKDTree(positions).query_pairs(radius * (1 + 1e-6), output_type="ndarray").astype(np.int64)
+    distances = np.linalg.norm(positions[near[:, 0]] - positions[near[:, 1]], axis=1)
+    near, distances = near[distances > inner_radius], distances[distances > inner_radius]
+    # Both directions, each node's neighbours by distance; of equally near ones the first node counts as nearer.
+    node, other = np.concatenate([near, near[:, ::-1]]).T
+    order = np.lexsort((other, np.tile(distances, 2), node))
+    node, other = node[order], other[order]
+    rank = np.arange(len(node)) - np.searchsorted(node, node)
+    pairs = np.stack([node, other], axis=1)[rank < max_neighbours]
+    return _distinct(pairs, len(positions))
 
 
 def connected_components(node_count: int, springs: np.ndarray) -> np.ndarray:
@@ -106,4 +108,11 @@ def bridge_components(positions: np.ndarray, springs: np.ndarray) -> np.ndarray:
         distances, nearest = cKDTree(positions[rest]).query(positions[piece])
         closest = np.argsort(distances, kind="stable")[:3]
         bridges = np.stack([piece[closest], rest[nearest[closest]]], axis=1)
-        springs = np.unique(np.sort(np.concatenate([springs, bridges]), axis=1), axis=0).astype(np.int32)
+        springs = _distinct(np.concatenate([springs, bridges]), len(positions))
+
+
+def _distinct(pairs: np.ndarray, nodes: int) -> np.ndarray:
+    """[E, 2] int32 pairs i < j, sorted, without repeats."""
+    low, high = np.sort(pairs, axis=1).astype(np.int64).T
+    codes = np.unique(low * nodes + high)
+    return np.stack([codes // nodes, codes % nodes], axis=1).astype(np.int32)

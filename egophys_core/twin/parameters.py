@@ -43,6 +43,12 @@ class PhysicalParameters:
     """Height of the contact band above the table, metres (delta_c of the paper)."""
     contact_radius: float = 0.0
     """Distance of a node's centre from the surface it stands for, metres; it touches the table at this height."""
+    collision_distance: float = 0.0
+    """Nodes of a sheet that come nearer to each other than this collide, metres; 0 for no self-collision."""
+    collision_restitution: float = 0.0
+    """Share of the approach speed kept in a self-collision, 0..1."""
+    collision_friction: float = 0.3
+    """Coulomb friction coefficient of the object against itself."""
     controller_stiffness: float
     """Stiffness of a spring between a held node and a controller point, N/m."""
     controller_radius: float = 0.03
@@ -60,6 +66,6 @@ class PhysicalParameters:
         for name in ("total_mass", "stiffness", "controller_radius"):
             if getattr(self, name) == 0:
                 raise TwinError(f"{name} must be positive, got 0")
-        for name in ("restitution", "ground_projection"):
+        for name in ("restitution", "ground_projection", "collision_restitution"):
             if getattr(self, name) > 1:
                 raise TwinError(f"{name} must be in 0..1, got {getattr(self, name)}")

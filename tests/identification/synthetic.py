@@ -56,7 +56,7 @@ def make_episode(
     grasp = rest[np.argmax(rest[:, 0] + rest[:, 1])]
     path = hand_path(times, grasp=grasp, carry=np.array(carry)).astype(np.float32)
     hold = np.repeat((times >= ARRIVAL - 1e-9)[:, None], 3, axis=1)
-    controls = Controls(times=times, positions=path, hold=hold)
+    controls = Controls(times=times, positions=path, contact=hold)
     result = rollout(batch_of_models([model], [controls], starts=[rest], ground_height=ground_height))
     result.raise_on_failure()
     points = result.positions[0][:, model.graph.surface]

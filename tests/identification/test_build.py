@@ -5,16 +5,20 @@ import dataclasses
 import numpy as np
 import pytest
 
+from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, TwinError
 from egophys_core.evaluation import baseline_scores
 from egophys_core.identification import (
+    Contact,
     FitOptions,
+    Hand,
     KindChoice,
     build_twin,
+    contact_flags,
     episode_digest,
     evaluate_twin,
     find_hands,
-    hold_flags,
+    first_grasp,
     prepare,
 )
 from egophys_core.identification.coarse import evaluate_candidates, fit_coarse
@@ -22,6 +26,7 @@ from egophys_core.identification.loss import rollout_loss
 from egophys_core.identification.rest_shape import rest_shape
 from egophys_core.identification.search_space import searched_numbers
 from egophys_core.options import to_mapping
+from egophys_core.simulation import ContactKind
 from egophys_core.twin import ObjectKind, connected_components, encode_twin
 from tests.identification.synthetic import (
     ARRIVAL,
@@ -36,6 +41,14 @@ from tests.identification.synthetic import (
 from tests.simulation.scenes import sheet_positions
 
 SHORT = FitOptions(generations=4, population=8, frame_stride=4)
+
+
+def lifted(points: np.ndarray, *, grasp: np.ndarray, arrival: int) -> Episode:
+    """The points in 20 frames after a hand came down to `grasp` in frame `arrival`, and lifts them all 9 cm."""
+    frames = np.arange(arrival + 20)[:, None, None]
+    lift = np.clip(frames - arrival - 2, 0, 15) * [0, 0, 0.006]
+    hand = np.tile(grasp, (3, 1)) + np.maximum(arrival - frames, 0) * [0, 0, 0.02]
+    return episode_of(points + lift, hand + lift)
 
 
 def test_model_that_made_an_episode_has_no_loss_on_it():
@@ -56,8 +69,8 @@ def test_known_stiffness_is_recovered_to_a_low_error_on_held_out_frames():
     episode = make_episode(made_by, noise_m=5e-4)
     twin = build_twin([episode], FitOptions(generations=25, population=12, frame_stride=3), seed=1)
     scores = twin.provenance.scores
-    hold = hold_flags(episode, find_hands(episode))
-    without_physics = min(each.test_track_m for each in baseline_scores(episode, hold).values())
+    contact = contact_flags(episode, find_hands(episode))
+    without_physics = min(each.test_track_m for each in baseline_scores(episode, contact).values())
     assert scores["train_track_m"] < 4e-3
     assert scores["test_track_m"] < 0.25 * without_physics
     assert 0.5 < twin.model.parameters.stiffness / made_by.parameters.stiffness < 2.0
@@ -116,6 +129,18 @@ def test_twin_says_what_made_it():
     assert twin.grasp == pytest.approx(episode.controllers[round(ARRIVAL / FPS)], abs=0.02)
 
 
+def test_grasp_is_where_a_hand_takes_hold_though_another_pressed_before():
+    shape = sheet_shape()
+    problem = prepare(sheet_episode(), shape.positions, shape.surface, spacing=shape.spacing)
+    press = Hand(controllers=np.array([0]), contacts=(Contact(first=2, last=5, kind=ContactKind.PRESS),))
+    holds = tuple(Contact(first=first, last=first + 9, kind=ContactKind.HOLD) for first in (20, 40))
+    hands = (press, Hand(controllers=np.array([1, 2]), contacts=holds))
+    grasp = first_grasp(dataclasses.replace(problem, hands=hands))
+    assert np.array_equal(grasp, problem.episode.controllers[20, 1:])
+    pressed = first_grasp(dataclasses.replace(problem, hands=(press,)))
+    assert np.array_equal(pressed, problem.episode.controllers[2, :1])
+
+
 def test_points_that_are_seen_now_and_then_are_enough():
     episode = without(sheet_episode(), frames=slice(20, 60, 3), points=slice(0, 12))
     twin = build_twin([episode], SHORT, seed=0)
@@ -157,10 +182,7 @@ def test_gap_in_the_surface_is_bridged():
     # Two halves 20 cm apart, out of reach of any spring the search may choose.
     half = sheet_positions(4, 0.03, 0.004)
     points = np.concatenate([half, half + np.float32([0.25, 0, 0])])
-    episode = sheet_episode()
-    grasp = points[0] + [0, 0, 0.01]
-    controllers = np.tile(grasp, (40, 3, 1)) + np.maximum(12 - np.arange(40), 0)[:, None, None] * [0, 0, 0.02]
-    episode = episode_of(np.tile(points, (40, 1, 1)), controllers)
+    episode = lifted(points, grasp=points[0] + [0, 0, 0.01], arrival=12)
     twin = build_twin([episode], FitOptions(generations=1, population=4, kind=KindChoice.SHEET), seed=0)
     assert connected_components(len(points), twin.model.graph.springs).max() == 0
 
@@ -169,8 +191,7 @@ def test_solid_keeps_its_inner_nodes_unseen():
     generator = np.random.default_rng(0)
     direction = generator.normal(size=(60, 3))
     ball = 0.06 * direction / np.linalg.norm(direction, axis=1, keepdims=True) + [0, 0, 0.06]
-    controllers = np.tile(ball[:1], (30, 2, 1)) + np.maximum(10 - np.arange(30), 0)[:, None, None] * [0, 0, 0.02]
-    episode = episode_of(np.tile(ball, (30, 1, 1)), controllers)
+    episode = lifted(ball, grasp=ball[np.argmax(ball[:, 2])], arrival=10)
     twin = build_twin([episode], FitOptions(generations=1, population=4), seed=0)
     graph = twin.model.graph
     assert twin.model.kind == ObjectKind.SOLID
@@ -182,9 +203,7 @@ def test_solid_keeps_its_inner_nodes_unseen():
 def test_hand_that_never_comes_near_is_refused():
     episode = sheet_episode()
     away = dataclasses.replace(episode, controllers=episode.controllers + np.float32([0, 0, 2.0]))
-    with pytest.raises(
-        EpisodeError, match=r"synthetic: no hand comes within 0\.05 m of the object, so nothing moves it"
-    ):
+    with pytest.raises(EpisodeError, match=r"synthetic: no hand moves the object \(no points within 0\.04 m"):
         build_twin([away], SHORT, seed=0)
 
 
@@ -198,20 +217,19 @@ def test_no_episode_and_too_short_ones_are_refused():
 
 def test_hold_after_the_train_frames_is_refused_with_the_reason():
     # Nothing moves in the first 70 %: there is nothing to fit.
-    frames = np.arange(60)
-    controllers = np.tile(sheet_positions()[:1] + [0, 0, 0.01], (60, 1, 1))
-    controllers[:, 0, 2] += np.maximum(50 - frames, 0) * 0.02
-    episode = episode_of(np.tile(sheet_positions(), (60, 1, 1)), controllers)
-    with pytest.raises(EpisodeError, match="synthetic"):
+    episode = lifted(sheet_positions(), grasp=sheet_positions()[0] + [0, 0, 0.01], arrival=50)
+    with pytest.raises(EpisodeError, match=r"synthetic: the first contact is at frame (49|5.), the fitted frames end"):
         build_twin([episode], SHORT, seed=0)
 
 
 def test_controllers_that_jump_out_of_the_world_make_every_candidate_diverge():
-    episode = sheet_episode()
-    wild = episode.controllers.copy()
+    shape = sheet_shape()
+    problem = prepare(sheet_episode(), shape.positions, shape.surface, spacing=shape.spacing)
+    wild = problem.controls.positions.copy()
     wild[25:] = 1e37
+    problem = dataclasses.replace(problem, controls=dataclasses.replace(problem.controls, positions=wild))
     with pytest.raises(TwinError, match="every candidate of the coarse fit diverged"):
-        build_twin([dataclasses.replace(episode, controllers=wild)], SHORT, seed=0)
+        fit_coarse([problem], shape, SHORT, seed=0, progress=lambda share, loss: None)
 
 
 def test_digest_changes_with_everything_a_fit_sees():

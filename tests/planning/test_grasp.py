@@ -62,8 +62,8 @@ def test_rotation_is_interpolated_at_constant_rate():
 def test_gripper_is_as_its_last_passed_waypoint_says():
     opens = plan([0, 1, 2, 3], np.zeros((4, 3)), [0.08, 0.0, 0.08, 0.0])
     controls = controls_of_plan(opens, GRASP)
-    held = controls.hold[:, 0]
-    assert np.array_equal(held, controls.hold[:, 1])
+    held = controls.contact[:, 0]
+    assert np.array_equal(held, controls.contact[:, 1])
     # Closed from 1 s to 2 s, open until 3 s, closed again at the very end.
     assert held[controls.times < 1.0 - 1e-6].all()
     assert not held[(controls.times > 1.0 + 1e-6) & (controls.times < 2.0 - 1e-6)].any()

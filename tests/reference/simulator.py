@@ -3,21 +3,24 @@
 Slow and plain on purpose; shares no code with `egophys_core.simulation` but the types it is called with.
 """
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
-from egophys_core.simulation import Controls, RolloutBatch
+from egophys_core.simulation import ContactKind, Controls, RolloutBatch
 from egophys_core.twin import PhysicalParameters
+from tests.reference import self_collision
 
-Spring = tuple[int, int, float, float, float]
-"""Node, node, stiffness N/m, dashpot N s/m, rest length m."""
-Hold = tuple[int, int, float]
-"""Node, controller point, rest length m."""
+Grip = tuple[int, int, float, ContactKind]
+"""Node, controller point, rest length m, what the contact does."""
+ExtraForce = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
+"""From time s, positions and velocities [N, 3]: newtons [N, 3] on the nodes."""
 
 
 def spring_force(
-    offset: np.ndarray, relative_velocity: np.ndarray, *, stiffness: float, damping: float, rest: float, limit: float
+    offset: np.ndarray, relative_velocity: np.ndarray, *, stiffness: float, damping: float, rest: float, longest: float
 ) -> np.ndarray:
-    """[3] N on the first node: k eta (l - l0) d - gamma (v_i - v_j), eta = min(1, limit / strain) when stretched.
+    """[3] N on the first node: k eta (l - l0) d - gamma (v_i - v_j), eta = min(1, longest / (l - l0)) when stretched.
 
     Args:
         offset: [3] x_j - x_i, metres.
@@ -25,13 +28,32 @@ def spring_force(
         stiffness: k, N/m.
         damping: gamma, N s/m.
         rest: l0, metres.
-        limit: strain beyond which the spring softens.
+        longest: extension beyond which the spring softens, metres: the paper's strain limit times l0.
     """
     length = float(np.linalg.norm(offset))
-    strain = (length - rest) / rest
-    eta = min(1.0, limit / strain) if strain > 0 else 1.0
+    extension = length - rest
+    eta = min(1.0, longest / extension) if extension > 0 else 1.0
     direction = offset / length if length > 0 else np.zeros(3)
-    return stiffness * eta * (length - rest) * direction - damping * relative_velocity
+    return stiffness * eta * extension * direction - damping * relative_velocity
+
+
+def grip_force(
+    offset: np.ndarray,
+    relative_velocity: np.ndarray,
+    *,
+    stiffness: float,
+    damping: float,
+    rest: float,
+    kind: ContactKind,
+) -> np.ndarray:
+    """[3] N on a node that a controller point holds or presses; the arguments are those of `spring_force`.
+
+    A press acts while it is compressed and what it gives along its line is a push.
+    """
+    force = spring_force(offset, relative_velocity, stiffness=stiffness, damping=damping, rest=rest, longest=np.inf)
+    if kind == ContactKind.PRESS and (np.linalg.norm(offset) >= rest or force @ offset >= 0):
+        return np.zeros(3)
+    return force
 
 
 def projected(force: np.ndarray, height: float, alpha: PhysicalParameters) -> np.ndarray:
@@ -55,14 +77,17 @@ def contact(height: float, velocity: np.ndarray, dt: float, alpha: PhysicalParam
     return after, until_touch * velocity[2] + (dt - until_touch) * after[2]
 
 
-def new_holds(
-    nodes: np.ndarray, controllers: np.ndarray, takes_hold: np.ndarray, alpha: PhysicalParameters, *, flat: bool
-) -> list[Hold]:
-    """Springs of the points that take hold now: within r_c the nearest few; K_min = 5 where a flat object has fewer."""
+def new_grips(
+    nodes: np.ndarray, controllers: np.ndarray, begins: np.ndarray, alpha: PhysicalParameters, *, flat: bool
+) -> list[Grip]:
+    """Springs of the contacts that begin now, as [C] `ContactKind`.
+
+    A point takes the nearest few within r_c; K_min = 5 where a flat object has fewer.
+    """
     within: dict[int, list[int]] = {}
     nearest: dict[int, list[int]] = {}
     distance = np.linalg.norm(controllers[:, None] - nodes[None], axis=2)
-    for controller in np.flatnonzero(takes_hold):
+    for controller in np.flatnonzero(begins):
         by_distance = sorted(range(len(nodes)), key=lambda node: (distance[controller, node], node))
         nearest[controller] = by_distance[: alpha.controller_neighbours]
         within[controller] = [
@@ -74,19 +99,27 @@ def new_holds(
             if len(found) < 5:
                 within[controller] = [node for node in nearest[controller][:5] if distance[controller, node] <= cutoff]
     return [
-        (node, int(controller), float(distance[controller, node]))
+        (node, int(controller), float(distance[controller, node]), ContactKind(begins[controller]))
         for controller, found in within.items()
         for node in found
     ]
 
 
 def controller_motion(controls: Controls, frame: int, share: float) -> tuple[np.ndarray, np.ndarray]:
-    """Positions and velocities [C, 3] a share 0..1 into a frame: cubic Hermite with central differences as slopes."""
+    """Positions and velocities [C, 3] a share 0..1 into a frame: cubic Hermite.
+
+    Its slope at a frame is that of the parabola through the frame and its neighbours, at the ends of the chord.
+    """
     times, path = controls.times, controls.positions.astype(np.float64)
 
+    def chord(at: int) -> np.ndarray:
+        return (path[at + 1] - path[at]) / (times[at + 1] - times[at])
+
     def slope(at: int) -> np.ndarray:
-        before, after = max(at - 1, 0), min(at + 1, len(times) - 1)
-        return (path[after] - path[before]) / (times[after] - times[before])
+        if at in (0, len(times) - 1):
+            return chord(min(at, len(times) - 2))
+        before, after = times[at] - times[at - 1], times[at + 1] - times[at]
+        return (after * chord(at - 1) + before * chord(at)) / (before + after)
 
     h, t = times[frame + 1] - times[frame], share
     weights = (2 * t**3 - 3 * t**2 + 1, -2 * t**3 + 3 * t**2, h * (t**3 - 2 * t**2 + t), h * (t**3 - t**2))
@@ -97,50 +130,79 @@ def controller_motion(controls: Controls, frame: int, share: float) -> tuple[np.
     return position, velocity
 
 
-def simulate(batch: RolloutBatch, row: int, *, substeps: int) -> np.ndarray:
-    """[F, N, 3] float64 metres: one rollout of a batch on equally long frames of `substeps` substeps."""
+def simulate(
+    batch: RolloutBatch, row: int, *, substeps: int | Sequence[int], extra: ExtraForce | None = None
+) -> np.ndarray:
+    """[F, N, 3] float64 metres: one rollout of a batch.
+
+    Args:
+        substeps: of every frame, or of each [F - 1].
+        extra: what the batch's effects do, written again; they are not looked at themselves.
+    """
     alpha, controls = batch.parameters[row], batch.controls[row]
     masses = batch.masses[row].astype(np.float64)
     ground = batch.ground_height + alpha.contact_radius
-    springs: list[Spring] = [
-        (int(i), int(j), float(k), float(g), float(rest))
-        for (i, j), k, g, rest in zip(
-            batch.springs, batch.stiffness[row], batch.damping[row], batch.rest_lengths[row], strict=True
+    springs = [
+        (int(i), int(j), {"stiffness": float(k), "damping": float(g), "rest": float(rest), "longest": float(longest)})
+        for (i, j), k, g, rest, longest in zip(
+            batch.springs,
+            batch.stiffness[row],
+            batch.damping[row],
+            batch.rest_lengths[row],
+            batch.longest_extensions[row],
+            strict=True,
         )
     ]
+    pairs = self_collision_pairs(batch.rest_positions.astype(np.float64), alpha.collision_distance)
     x, v = batch.positions[row].astype(np.float64), batch.velocities[row].astype(np.float64)
     hand, hand_velocity = controller_motion(controls, 0, 0.0)
-    holds: list[Hold] = []
-    held = np.zeros(controls.hold.shape[1], bool)
+    grips: list[Grip] = []
+    before = np.zeros(controls.contact.shape[1], np.uint8)
     frames = [x.copy()]
-    for frame in range(len(controls.times) - 1):
-        now = controls.hold[frame]
-        holds = [hold for hold in holds if now[hold[1]]]
-        holds += new_holds(x, controls.positions[frame].astype(np.float64), now & ~held, alpha, flat=batch.flat)
-        held = now
-        dt = (controls.times[frame + 1] - controls.times[frame]) / substeps
-        for substep in range(substeps):
-            forces = np.zeros_like(x)
-            for i, j, k, g, rest in springs:
-                force = spring_force(
-                    x[j] - x[i], v[i] - v[j], stiffness=k, damping=g, rest=rest, limit=alpha.strain_limit
-                )
+    for frame, steps in enumerate(np.broadcast_to(substeps, len(controls.times) - 1)):
+        now = controls.contact[frame].astype(np.uint8)
+        grips = [grip for grip in grips if now[grip[1]] == before[grip[1]]]
+        begins = np.where(now == before, ContactKind.NONE, now)
+        grips += new_grips(x, controls.positions[frame].astype(np.float64), begins, alpha, flat=batch.flat)
+        before = now
+        dt = (controls.times[frame + 1] - controls.times[frame]) / steps
+        for substep in range(steps):
+            time = controls.times[frame] - controls.times[0] + substep * dt
+            forces = np.zeros_like(x) if extra is None else extra(time, x, v)
+            for i, j, numbers in springs:
+                force = spring_force(x[j] - x[i], v[i] - v[j], **numbers)
                 forces[i] += force
                 forces[j] -= force
-            for node, controller, rest in holds:
-                forces[node] += spring_force(
+            for node, controller, rest, kind in grips:
+                forces[node] += grip_force(
                     hand[controller] - x[node],
                     v[node] - hand_velocity[controller],
                     stiffness=alpha.controller_stiffness,
                     damping=alpha.damping,
                     rest=rest,
-                    limit=np.inf,
+                    kind=kind,
                 )
             for node, mass in enumerate(masses):
                 forces[node] += mass * (np.array([0.0, 0.0, -alpha.gravity]) - alpha.drag * v[node])
-                forces[node] = projected(forces[node], x[node, 2] - ground, alpha)
-                v[node], rise = contact(x[node, 2] - ground, v[node] + dt * forces[node] / mass, dt, alpha)
+                v[node] += dt * projected(forces[node], x[node, 2] - ground, alpha) / mass
+            if pairs:
+                _, v = self_collision.collide(
+                    x, v, masses, pairs, restitution=alpha.collision_restitution, friction=alpha.collision_friction
+                )
+            for node in range(len(x)):
+                v[node], rise = contact(x[node, 2] - ground, v[node], dt, alpha)
                 x[node] += [dt * v[node, 0], dt * v[node, 1], rise]
-            hand, hand_velocity = controller_motion(controls, frame, (substep + 1) / substeps)
+            hand, hand_velocity = controller_motion(controls, frame, (substep + 1) / steps)
         frames.append(x.copy())
     return np.stack(frames)
+
+
+def self_collision_pairs(rest_positions: np.ndarray, distance: float) -> list[self_collision.Pair]:
+    """All pairs that are not neighbours on the object: a half circle of that diameter does not join them."""
+    count = len(rest_positions) if distance > 0 else 0
+    return [
+        (i, j, distance)
+        for i in range(count)
+        for j in range(i + 1, count)
+        if np.linalg.norm(rest_positions[j] - rest_positions[i]) > np.pi / 2 * distance
+    ]

@@ -20,14 +20,14 @@ def frame_times(duration: float, dt: float) -> np.ndarray:
 def idle_controls(times: np.ndarray) -> Controls:
     """One controller point that holds nothing."""
     return Controls(
-        times=times, positions=np.zeros((len(times), 1, 3), np.float32), hold=np.zeros((len(times), 1), bool)
+        times=times, positions=np.zeros((len(times), 1, 3), np.float32), contact=np.zeros((len(times), 1), bool)
     )
 
 
 def moving_controls(times: np.ndarray, path: np.ndarray, hold: np.ndarray | None = None) -> Controls:
     """Controllers along `path` [F, C, 3] (or [F, 3] for one) that hold all the time unless told otherwise."""
     path = np.asarray(path, np.float32).reshape(len(times), -1, 3)
-    return Controls(times=times, positions=path, hold=np.ones(path.shape[:2], bool) if hold is None else hold)
+    return Controls(times=times, positions=path, contact=np.ones(path.shape[:2], bool) if hold is None else hold)
 
 
 def parameters(**changes: Any) -> PhysicalParameters:
@@ -53,15 +53,20 @@ def scene(
     """One rollout of nodes of equal mass; `damping` is also that of the controller springs."""
     start = np.asarray(positions, np.float32)[None]
     pairs = np.asarray(springs, np.int32).reshape(-1, 2)
+    order = np.argsort(pairs[:, 0], kind="stable")
+    pairs, lengths = pairs[order], np.asarray(rest_lengths, np.float32).reshape(1, -1)[:, order]
+    alpha = parameters(damping=damping, **changes)
     return RolloutBatch(
         springs=pairs,
         stiffness=np.full((1, len(pairs)), stiffness, np.float32),
         damping=np.full((1, len(pairs)), damping, np.float32),
-        rest_lengths=np.asarray(rest_lengths, np.float32).reshape(1, -1),
+        rest_lengths=lengths,
+        longest_extensions=np.float32(alpha.strain_limit) * lengths,
         masses=np.full(start.shape[:2], mass, np.float32),
         positions=start,
         velocities=np.zeros_like(start) if velocities is None else np.asarray(velocities, np.float32)[None],
-        parameters=(parameters(damping=damping, **changes),),
+        rest_positions=start[0],
+        parameters=(alpha,),
         controls=(controls,),
         flat=flat,
         ground_height=ground_height,

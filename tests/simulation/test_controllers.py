@@ -139,7 +139,7 @@ def test_first_hand_keeps_its_springs_when_a_second_takes_hold():
     hold = np.concatenate([hold_between(times, 0, 100), hold_between(times, 20, 100)], axis=1)
     batch = scene(
         [[0, 0, 0], [0.1, 0, 0]],
-        Controls(times=times, positions=still.astype(np.float32), hold=hold),
+        Controls(times=times, positions=still.astype(np.float32), contact=hold),
         mass=0.05,
         damping=1.0,
         controller_stiffness=30.0,
@@ -152,7 +152,7 @@ def test_first_hand_keeps_its_springs_when_a_second_takes_hold():
 def test_controls_without_any_controller_point_leave_the_object_alone():
     times = frame_times(0.5, 1 / 600)
     none = Controls(
-        times=times, positions=np.zeros((len(times), 0, 3), np.float32), hold=np.zeros((len(times), 0), bool)
+        times=times, positions=np.zeros((len(times), 0, 3), np.float32), contact=np.zeros((len(times), 0), bool)
     )
     batch = scene([[0, 0, 1.0]], none, gravity=9.81, ground_height=FAR_BELOW)
     assert rollout(batch).positions[0, -1, 0, 2] == pytest.approx(1.0 - 9.81 * 0.125, abs=0.01)
@@ -165,12 +165,12 @@ def test_controls_without_any_controller_point_leave_the_object_alone():
         ({"times": np.array([0.0])}, "at least 2 increasing times, got 1"),
         ({"positions": np.zeros((2, 3), np.float32)}, r"must be \[2, C, 3\] in metres, got \(2, 3\)"),
         ({"positions": np.zeros((3, 1, 3), np.float32)}, r"got \(3, 1, 3\)"),
-        ({"hold": np.zeros((2, 2), bool)}, r"hold must be \(2, 1\), got \(2, 2\)"),
+        ({"contact": np.zeros((2, 2), bool)}, r"contact must be \(2, 1\), got \(2, 2\)"),
         ({"positions": np.array([[[0, 0, 0]], [[0, np.nan, 0]]])}, "controller 0 is not finite at frame 1"),
     ],
 )
 def test_ill_formed_controls_are_refused(change, text):
-    good = {"times": np.array([0.0, 0.1]), "positions": np.zeros((2, 1, 3)), "hold": np.zeros((2, 1), bool)}
+    good = {"times": np.array([0.0, 0.1]), "positions": np.zeros((2, 1, 3)), "contact": np.zeros((2, 1), bool)}
     Controls(**good)
     with pytest.raises(SimulationError, match=text):
         Controls(**{**good, **change})

@@ -1,14 +1,15 @@
 """The Warp kernels against the float64 reference, and the kernels of the GPU against those of the CPU."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
 
-from egophys_core.simulation import batch_of_models, rollout, step
-from egophys_core.simulation import rollout as rollout_function
-from egophys_core.twin import ObjectKind
+from egophys_core.simulation import ContactKind, batch_of_models, rollout
 from tests.reference.simulator import simulate
 from tests.simulation.scenes import frame_times, moving_controls, scene, sheet_positions
+from tests.simulation.substep_path import advance_by_launches
 from tests.simulation.test_batches import mixed_batch
 
 SUBSTEPS = 20
@@ -28,11 +29,11 @@ def everything_at_once(seed: int, *, flat: bool):
         + [0, 0, 0.015]
         + np.clip(times - 0.25, 0, 0.3)[:, None, None] * generator.normal(0.2, 0.1, (2, 3))
     )
-    hold = np.repeat((np.arange(len(times)) >= 5)[:, None], 2, axis=1)
-    hold[14:, 1] = False
+    contact = np.repeat(np.where(np.arange(len(times)) >= 5, ContactKind.HOLD, ContactKind.NONE)[:, None], 2, axis=1)
+    contact[14:, 1] = ContactKind.NONE
     return scene(
         positions,
-        moving_controls(times, path, hold),
+        moving_controls(times, path, contact),
         springs=pairs,
         stiffness=8.0,
         damping=0.02,
@@ -67,32 +68,23 @@ def test_rollout_agrees_with_the_float64_reference(seed, flat):
     assert np.abs(result.positions[0] - exact).max() < 5e-5
 
 
-def gpu_launches(substeps, state, springs, controllers, parameters, device):
-    """What a frame is on a GPU, two launches a substep, here on the CPU device."""
-    groups = state.positions.shape[0]
-    for substep in range(substeps):
-        wp.launch(
-            step.gather_forces,
-            dim=(groups, state.node_count),
-            inputs=[state, springs, parameters],
-            device=device,
-        )
-        wp.launch(
-            step.advance_substep,
-            dim=(groups, state.node_count + state.controller_count),
-            inputs=[substep, state, controllers, parameters],
-            device=device,
-        )
+@pytest.mark.parametrize("collision_distance", [0.0, 0.04])
+def test_gpu_kernels_do_what_the_cpu_kernel_does(collision_distance):
+    batch = batch_of_models(*mixed_batch(collision_distance=collision_distance), ground_height=0.0)
+    assert np.array_equal(rollout(batch).positions, advance_by_launches(batch)[0])
 
 
-def test_gpu_kernels_do_what_the_cpu_kernel_does(monkeypatch):
-    models, controls = mixed_batch(ObjectKind.SHEET)
-    batch = batch_of_models(models, controls, ground_height=0.0)
-    by_frame = rollout(batch)
-    monkeypatch.setitem(rollout_function.__globals__, "_launch_frame", gpu_launches)
-    by_substep = rollout(batch)
-    assert np.array_equal(by_frame.positions, by_substep.positions)
-    assert np.array_equal(by_frame.velocities, by_substep.velocities)
+def test_gpu_kernels_find_the_same_divergence():
+    batch = everything_at_once(0, flat=True).rows([0, 0, 0])
+    fast = batch.velocities.copy()
+    fast[1, 4] = [0, 0, 2000.0]
+    batch = replace(batch, velocities=fast)
+    positions, failures = advance_by_launches(batch)
+    result = rollout(batch)
+    assert failures == result.failures
+    assert failures[0] is None
+    assert "node 4 is faster than 1000 m/s or not finite on the way to frame 1 (t=0.002 s)" in str(failures[1])
+    assert np.array_equal(positions[[0, 2]], result.positions[[0, 2]])
 
 
 @pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")

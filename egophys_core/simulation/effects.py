@@ -1,0 +1,24 @@
+"""The hook for forces that the base simulator lacks: they are composed into its kernels."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceEffect:
+    """An extra force and its numbers in each rollout of a batch.
+
+    `add_forces` is a `wp.func` that adds newtons to the forces on a range of nodes, as the terms of `step` do::
+
+        add_forces(group, first, last, column, time, state, parameters, numbers, forces)
+
+    with `column` the place of the effect's first number in `numbers` [G, P] and `time` seconds since the start of
+    the rollout (`Lanes`); its other arguments are those of `body_forces.add_body_forces`. It must not read
+    what it writes, so that it can be differentiated.
+    """
+
+    add_forces: wp.Function
+    numbers: np.ndarray
+    """[K, P_e] float32, the effect's parameters in SI units, in the order it reads them."""

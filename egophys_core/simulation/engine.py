@@ -1,0 +1,241 @@
+"""A batch on a device, advanced frame by frame."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from egophys_core.errors import SimulationError
+from egophys_core.simulation.attachments import NOTHING_HELD, Attachments, attach
+from egophys_core.simulation.batch import RolloutBatch
+from egophys_core.simulation.collision_pairs import PairFinder
+from egophys_core.simulation.controls import ContactKind
+from egophys_core.simulation.device_arrays import (
+    controller_arrays,
+    effect_numbers,
+    effect_terms,
+    frame_arrays,
+    grip_arrays,
+    parameter_arrays,
+    spring_arrays,
+    state_arrays,
+)
+from egophys_core.simulation.frame_advance import frame_advance
+from egophys_core.simulation.integrator import FASTEST
+from egophys_core.simulation.lanes import group_count, pack, unpack
+from egophys_core.simulation.self_collision import PairArrays
+from egophys_core.simulation.springs import SpringArrays
+from egophys_core.simulation.stability import LONGEST_SUBSTEP, largest_eigenvalues, stable_substeps
+from egophys_core.simulation.state import RUNNING
+from egophys_core.simulation.substep import FrameInputs
+
+MOST_SUBSTEPS = 5000
+"""A frame that needs more is refused: the stiffness or damping is out of any physical range."""
+
+FASTEST_HAND = 20.0
+"""m/s. A controller faster than this is no hand but a fault of the recording."""
+
+STOPPED = -1
+"""In `FrameArrays.divergence`: this rollout diverged in an earlier frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """Frames in which the same controller springs act and the same substeps are taken."""
+
+    attachments: tuple[Attachments, ...]
+    """Per rollout."""
+    columns: tuple[np.ndarray, ...]
+    """Per rollout, where its controller springs stand in `grips`."""
+    grips: SpringArrays
+    rates: tuple[tuple[float, float], ...]
+    """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s."""
+    durations: np.ndarray
+    """[K] seconds a frame."""
+    substeps: np.ndarray
+    """[K] per frame."""
+
+
+class Engine:
+    """The state of K rollouts at some frame, and what they need to go on."""
+
+    def __init__(
+        self,
+        batch: RolloutBatch,
+        device: str,
+        *,
+        longest_substep: float = LONGEST_SUBSTEP,
+        requires_grad: bool = False,
+    ) -> None:
+        """Put the batch on the device, at its start; with `requires_grad` what is fitted can be differentiated."""
+        self.batch, self.device, self.requires_grad = batch, device, requires_grad
+        self.longest_substep = longest_substep
+        self.nodes, self.groups = batch.positions.shape[1], group_count(batch.count)
+        self.times = batch.controls[0].times
+        self.controllers = np.stack([controls.positions for controls in batch.controls]).astype(np.float32)
+        self.contact = np.stack([controls.contact for controls in batch.controls]).astype(np.uint8)
+        self.controller_velocities = np.gradient(self.controllers.astype(np.float64), self.times, axis=1)
+        self.state = state_arrays(
+            np.concatenate([batch.positions, self.controllers[:, 0]], axis=1),
+            np.concatenate([batch.velocities, self.controller_velocities[:, 0]], axis=1),
+            device,
+        )
+        self.springs = spring_arrays(batch, device, requires_grad=requires_grad)
+        self.parameters = parameter_arrays(batch, device, requires_grad=requires_grad)
+        self.numbers = effect_numbers(batch, device, requires_grad=requires_grad)
+        self.effects = effect_terms(batch)
+        self.controller_arrays = controller_arrays(
+            self.groups, self.controllers.shape[2], device, requires_grad=requires_grad
+        )
+        self.frame_arrays = frame_arrays(batch, device)
+        distances = np.array([parameters.collision_distance for parameters in batch.parameters])
+        self.finder = PairFinder(batch.rest_positions, distances, device) if distances.any() else None
+        self.no_pairs = PairArrays()
+        self.advance = frame_advance(self.groups, self.nodes, self.controllers.shape[2], device)
+        self.segments: list[Segment] = []
+        """Of each frame advanced so far."""
+        self.failures: list[str | None] = [None] * batch.count
+
+    def node_positions(self) -> np.ndarray:
+        """[K, N, 3] metres."""
+        return unpack(self.state.positions.numpy(), self.batch.count)[:, : self.nodes]
+
+    def node_velocities(self) -> np.ndarray:
+        """[K, N, 3] m/s."""
+        return unpack(self.state.velocities.numpy(), self.batch.count)[:, : self.nodes]
+
+    def advance_frame(self, frame: int) -> None:
+        """From the times of frame to those of frame + 1.
+
+        Raises:
+            SimulationError: a rollout would need more than `MOST_SUBSTEPS` substeps a frame.
+        """
+        segment = self._segment(frame)
+        self.segments.append(segment)
+        frames = np.full(self.batch.count, frame)
+        self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
+        self._record_divergence(frame, segment)
+
+    def _segment(self, frame: int) -> Segment:
+        """The last one, unless contacts begin or end or the frame lasts longer or shorter."""
+        durations = np.full(self.batch.count, self.times[frame + 1] - self.times[frame])
+        if not self.segments or (self.contact[:, frame] != self.contact[:, frame - 1]).any():
+            return self._new_segment(frame, durations)
+        last = self.segments[-1]
+        if np.array_equal(durations, last.durations):
+            return last
+        return replace(last, durations=durations, substeps=self._substeps(durations, last.rates))
+
+    def frame_inputs(self, frames: np.ndarray, segment: Segment) -> FrameInputs:
+        """What the kernels read in a frame of each rollout, `frames` [K], that begins with the present state."""
+        arrays, rows = self.frame_arrays, np.arange(self.batch.count)
+        arrays.start.assign(pack(self.times[frames] - self.times[0]))
+        arrays.duration.assign(pack(segment.durations))
+        arrays.substeps.assign(pack(segment.substeps))
+        motion = self.controller_arrays
+        motion.start_positions.assign(pack(self.controllers[rows, frames]))
+        motion.end_positions.assign(pack(self.controllers[rows, frames + 1]))
+        motion.start_velocities.assign(pack(self.controller_velocities[rows, frames]))
+        motion.end_velocities.assign(pack(self.controller_velocities[rows, frames + 1]))
+        return FrameInputs(
+            springs=self.springs,
+            grips=segment.grips,
+            controllers=motion,
+            parameters=self.parameters,
+            effects=self.effects,
+            numbers=self.numbers,
+            pairs=self._pairs(float(segment.durations.max())),
+            frame=arrays,
+        )
+
+    def _pairs(self, horizon: float) -> PairArrays:
+        if self.finder is None:
+            return self.no_pairs
+        return self.finder.find(self.state.positions, self.state.velocities, horizon)
+
+    def _new_segment(self, frame: int, durations: np.ndarray) -> Segment:
+        contact = self.contact[:, frame]
+        before = self.contact[:, frame - 1] if self.segments else np.zeros_like(contact)
+        attachments = self.segments[-1].attachments if self.segments else (NOTHING_HELD,) * self.batch.count
+        positions = self.node_positions()
+        # Nobody takes hold of an object that diverged: where it is means nothing.
+        running = np.array([failure is None for failure in self.failures])
+        begins = np.where((contact == before) | ~running[:, None], ContactKind.NONE, contact)
+        updated = tuple(
+            attachments[row]
+            .of_controllers(contact[row] == before[row])
+            .joined(
+                attach(
+                    positions[row],
+                    self.controllers[row, frame],
+                    begins[row],
+                    radius=self.batch.parameters[row].controller_radius,
+                    max_neighbours=self.batch.parameters[row].controller_neighbours,
+                    flat=self.batch.flat,
+                )
+            )
+            for row in range(self.batch.count)
+        )
+        grips, columns = self.grips_of(updated)
+        stiffness, damping = (
+            largest_eigenvalues(self.springs, grips, self.parameters.masses, self.batch.count, damping=kind)
+            for kind in (False, True)
+        )
+        rates = tuple(zip(stiffness.tolist(), damping.tolist(), strict=True))
+        return Segment(
+            attachments=updated,
+            columns=tuple(columns),
+            grips=grips,
+            rates=rates,
+            durations=durations,
+            substeps=self._substeps(durations, rates),
+        )
+
+    def grips_of(self, attachments: Sequence[Attachments]) -> tuple[SpringArrays, list[np.ndarray]]:
+        """The controller springs of all rollouts as arrays, and where each rollout's own stand in them."""
+        return grip_arrays(self.batch, attachments, self.device, requires_grad=self.requires_grad)
+
+    def _substeps(self, durations: np.ndarray, rates: Sequence[tuple[float, float]]) -> np.ndarray:
+        substeps = np.array(
+            [
+                stable_substeps(duration, *rate, longest_substep=self.longest_substep)
+                for duration, rate in zip(durations, rates, strict=True)
+            ]
+        )
+        if substeps.max() > MOST_SUBSTEPS:
+            row = int(substeps.argmax())
+            raise SimulationError(
+                f"rollout {row} needs {substeps[row]} substeps for a frame of {durations[row]:.4f} s, at most "
+                f"{MOST_SUBSTEPS}: stiffness {self.batch.parameters[row].stiffness:g} N/m or damping "
+                f"{self.batch.parameters[row].damping:g} N s/m is too large for nodes of "
+                f"{self.batch.masses[row].min():g} kg; lower it or its bound"
+            )
+        return substeps
+
+    def _record_divergence(self, frame: int, segment: Segment) -> None:
+        codes = self.frame_arrays.divergence.numpy().reshape(-1)[: self.batch.count]
+        found = (codes >= 0) & (codes < RUNNING)
+        if not found.any():
+            return
+        for row in np.flatnonzero(found):
+            substep, node = divmod(int(codes[row]), self.nodes)
+            self.failures[row] = self._cause(row, frame, substep, node, segment)
+        everything = self.frame_arrays.divergence.numpy().copy()
+        everything[everything < RUNNING] = STOPPED
+        self.frame_arrays.divergence.assign(everything)
+
+    def _cause(self, row: int, frame: int, substep: int, node: int, segment: Segment) -> str:
+        dt = segment.durations[row] / segment.substeps[row]
+        time = self.times[frame] + dt * (substep + 1)
+        hand_speed = np.linalg.norm(self.controller_velocities[row, frame : frame + 2], axis=2).max(initial=0.0)
+        start_speed = np.linalg.norm(self.batch.velocities[row].astype(np.float64), axis=1).max()
+        if hand_speed > FASTEST_HAND:
+            cause = f"a controller jumps there at {hand_speed:.3g} m/s: check the recording"
+        elif start_speed > FASTEST_HAND:
+            cause = f"it started with a node at {start_speed:.3g} m/s: check the start velocities"
+        else:
+            cause = "lower the stiffness, the damping or the size of extra forces"
+        return (
+            f"node {node} is faster than {FASTEST:g} m/s or not finite on the way to frame {frame + 1} "
+            f"(t={time:.3f} s) with omega*dt = {dt * np.sqrt(segment.rates[row][0]):.2f}, stable below 2; {cause}"
+        )

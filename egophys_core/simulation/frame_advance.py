@@ -1,0 +1,84 @@
+"""Advancing a state by the substeps of a frame: in one launch on a CPU, as a CUDA graph on a GPU."""
+
+from collections.abc import Callable
+from functools import partial
+
+import warp as wp
+
+from egophys_core.simulation.device_arrays import substep_arrays
+from egophys_core.simulation.state import StateArrays
+from egophys_core.simulation.step import frame_kernel
+from egophys_core.simulation.substep import FrameInputs, SubstepArrays, find_divergences, launch_substep
+
+FrameAdvance = Callable[[StateArrays, int, FrameInputs], None]
+"""Called with the state, which is advanced in place, the number of substeps and what they read."""
+
+
+def frame_advance(groups: int, nodes: int, controllers: int, device: str) -> FrameAdvance:
+    """The way of this device."""
+    scratch = substep_arrays(groups, nodes, controllers, device)
+    if wp.get_device(device).is_cpu:
+        return partial(_advance_on_cpu, scratch)
+    return _GraphAdvance((scratch, substep_arrays(groups, nodes, controllers, device)))
+
+
+def _advance_on_cpu(scratch: SubstepArrays, state: StateArrays, substeps: int, inputs: FrameInputs) -> None:
+    wp.launch(
+        frame_kernel(inputs.effects),
+        dim=scratch.forces.shape[0],
+        inputs=[
+            substeps,
+            state,
+            scratch.forces,
+            inputs.springs,
+            inputs.grips,
+            inputs.controllers,
+            inputs.parameters,
+            inputs.numbers,
+            inputs.pairs,
+            scratch.contacts,
+            scratch.changes,
+            inputs.frame,
+        ],
+        device=scratch.forces.device,
+    )
+
+
+def advance_by_substeps(
+    state: StateArrays, substeps: int, inputs: FrameInputs, out: tuple[SubstepArrays, SubstepArrays]
+) -> None:
+    """Advance `state` in place by launches of single substeps, with two sets of arrays by turns."""
+    groups, nodes = out[0].contacts.shape
+    here = state
+    for substep in range(substeps):
+        target = out[substep % 2]
+        for sums in (target.forces, target.contacts, target.changes):
+            sums.zero_()
+        launch_substep(substep, here, inputs, target)
+        here = target.after
+        wp.launch(find_divergences, dim=(groups, nodes), inputs=[substep, here, inputs.frame], device=sums.device)
+    wp.copy(state.positions, here.positions)
+    wp.copy(state.velocities, here.velocities)
+
+
+class _GraphAdvance:
+    """Records the launches of a frame as a CUDA graph and replays it as long as they use the same arrays."""
+
+    def __init__(self, out: tuple[SubstepArrays, SubstepArrays]) -> None:
+        self._out = out
+        self._recorded: tuple[int, int] | None = None
+        self._graph: wp.Graph | None = None
+
+    def __call__(self, state: StateArrays, substeps: int, inputs: FrameInputs) -> None:
+        arrays = (inputs.grips.starts.ptr, substeps)
+        if inputs.pairs.count > 0 or arrays != self._recorded:
+            # The pairs change with every frame; the first of equal frames also loads the kernels.
+            advance_by_substeps(state, substeps, inputs, self._out)
+            self._recorded, self._graph = (None if inputs.pairs.count > 0 else arrays), None
+            return
+        device = self._out[0].forces.device
+        if self._graph is None:
+            with wp.ScopedCapture(device) as capture:
+                advance_by_substeps(state, substeps, inputs, self._out)
+            self._graph = capture.graph
+        wp.capture_launch(self._graph)

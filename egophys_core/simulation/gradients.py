@@ -1,0 +1,261 @@
+"""Gradients of a loss on rollouts, by Warp's tape, a frame at a time.
+
+The forward pass keeps the state at the start of every frame. Going back, each frame's substeps are run again from
+there on a tape, so memory holds one state per frame and the substeps of one frame.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from egophys_core.errors import SimulationError
+from egophys_core.simulation.attachments import NOTHING_HELD, Attachments
+from egophys_core.simulation.batch import RolloutBatch
+from egophys_core.simulation.device_arrays import MOTION_NAMES, PARAMETER_NAMES, SPRING_NAMES
+from egophys_core.simulation.engine import Engine, Segment
+from egophys_core.simulation.frame_tape import FrameTape
+from egophys_core.simulation.lanes import pack, unpack
+from egophys_core.simulation.rollout import Rollout, advance_all
+from egophys_core.simulation.springs import SHORTEST_LENGTH
+from egophys_core.simulation.substep import FrameInputs
+
+GRIP_NAMES = ("stiffness", "damping", "rest_lengths")
+"""Numbers of a controller spring that have derivatives."""
+
+Loss = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""From positions [K, F, N, 3], metres: the loss [K] of each rollout, and its gradient [K, F, N, 3] by them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gradient:
+    """Derivatives of each rollout's loss by its own inputs, in units of the loss over those of the input."""
+
+    stiffness: np.ndarray
+    """[K, E]."""
+    damping: np.ndarray
+    """[K, E]."""
+    rest_lengths: np.ndarray
+    """[K, E]."""
+    longest_extensions: np.ndarray
+    """[K, E]."""
+    controller_stiffness: np.ndarray
+    """[K]."""
+    controller_damping: np.ndarray
+    """[K], by the dashpot of controller springs."""
+    parameters: dict[str, np.ndarray]
+    """[K] by name: those of `PARAMETER_NAMES`, and `contact_height`."""
+    effects: np.ndarray
+    """[K, P] by the numbers of all effects side by side; one column of zeros without any."""
+    controls: np.ndarray
+    """[K, F, C, 3]."""
+    positions: np.ndarray
+    """[K, N, 3], by the start positions."""
+    velocities: np.ndarray
+    """[K, N, 3], by the start velocities."""
+
+
+def differentiate(
+    batch: RolloutBatch, loss: Loss, *, windows: int = 1, device: str = "cpu"
+) -> tuple[Rollout, np.ndarray, Gradient]:
+    """Roll out a batch, and go back from its loss to everything it depends on.
+
+    A rollout that diverges has zero gradient. Contacts are differentiated as they happened: which nodes hit the
+    table, which are held, and the number of substeps are taken as fixed.
+
+    Args:
+        windows: into how many windows of frames each rollout is cut. Derivatives do not pass from a window to the one
+            before it (truncated back-propagation); in return all windows go back at once, as lanes. 1 is exact.
+
+    Returns:
+        The rollout, the loss [K] and its gradient.
+    """
+    if windows < 1:
+        raise SimulationError(f"windows must be at least 1, got {windows}")
+    engine = Engine(batch, device)
+    states: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def keep() -> None:
+        states.append((engine.state.positions.numpy().copy(), engine.state.velocities.numpy().copy()))
+
+    result = advance_all(engine, before_frame=keep)
+    losses, seeds = loss(result.positions)
+    running = np.array([failure is None for failure in result.failures])
+    seeds = np.where(running[:, None, None, None], seeds, 0.0)
+    return result, losses, _BackwardPass(engine, states, running, windows).run(seeds)
+
+
+class _BackwardPass:
+    """What is summed up while going back over the frames, in float64. Row r is window r % W of rollout r // W."""
+
+    def __init__(
+        self, forward: Engine, states: list[tuple[np.ndarray, np.ndarray]], running: np.ndarray, windows: int
+    ) -> None:
+        count = forward.batch.count
+        self.forward, self.running, self.windows = forward, running, windows
+        self.rollouts = np.repeat(np.arange(count), windows)
+        self.engine = Engine(forward.batch.rows(self.rollouts), forward.device, requires_grad=True)
+        # [F - 1, K, N + C, 3], at the start of each frame.
+        self.positions, self.velocities = (
+            np.stack([unpack(values, count) for values in kept]) for kept in zip(*states, strict=True)
+        )
+        self.nodes, self.controllers = self.engine.nodes, self.engine.controllers.shape[2]
+        self.controls = np.zeros(forward.controllers.shape)
+        self.control_velocities = np.zeros(forward.controllers.shape)
+        self.controller_stiffness, self.controller_damping = np.zeros(count), np.zeros(count)
+        rows = len(self.rollouts)
+        self.held: list[Attachments] = [NOTHING_HELD] * rows
+        """Controller springs of each row in the frame gone back over last."""
+        self.by_rest_length = [np.zeros(0)] * rows
+        """Derivatives by their rest lengths, from that frame on."""
+        self.tape: FrameTape | None = None
+        self.segment: Segment | None = None
+
+    def run(self, seeds: np.ndarray) -> Gradient:
+        """Back from the derivatives [K, F, N, 3] by the positions."""
+        seeded = np.flatnonzero(seeds.any(axis=(0, 2, 3)))
+        end = int(seeded[-1]) if len(seeded) else 0
+        bounds = np.linspace(0, end, self.windows + 1).astype(int)
+        window = np.arange(len(self.rollouts)) % self.windows
+        first, last = bounds[:-1][window], bounds[1:][window]
+        positions = np.zeros((len(self.rollouts), self.nodes + self.controllers, 3))
+        velocities = np.zeros_like(positions)
+        for offset in reversed(range(int((last - first).max()))):
+            # Shorter windows begin to go back later: until then their frame takes no substeps.
+            active = first + offset < last
+            frames = np.minimum(first + offset, np.maximum(last - 1, 0))
+            positions[active, : self.nodes] += seeds[self.rollouts, frames + 1][active]
+            positions, velocities = self._back_over_frame(frames, active, positions, velocities)
+            # A row that diverged has no numbers to pass on.
+            dead = ~self.running[self.rollouts]
+            positions[dead], velocities[dead] = 0.0, 0.0
+            for row in np.flatnonzero(active & ~dead):
+                self._back_over_start(row, int(frames[row]), positions[row])
+        starts = np.arange(0, len(self.rollouts), self.windows)
+        positions, velocities = positions[starts], velocities[starts]
+        positions[:, : self.nodes] += seeds[:, 0]
+        self.controls[:, 0] += positions[:, self.nodes :]
+        self.control_velocities[:, 0] += velocities[:, self.nodes :]
+        return self._gradient(positions[:, : self.nodes], velocities[:, : self.nodes])
+
+    def _back_over_frame(
+        self, frames: np.ndarray, active: np.ndarray, positions: np.ndarray, velocities: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """From derivatives [R, N + C, 3] by the state after a frame of each row to those by the state before it."""
+        engine = self.engine
+        engine.state.positions.assign(pack(self.positions[frames, self.rollouts]))
+        engine.state.velocities.assign(pack(self.velocities[frames, self.rollouts]))
+        segment = self._segment(frames, active)
+        tape = self._tape(engine.frame_inputs(frames, segment), segment)
+        wp.copy(tape.start.positions, engine.state.positions)
+        wp.copy(tape.start.velocities, engine.state.velocities)
+        tape.forward()
+        tape.clear_derivatives()
+        grips = [getattr(segment.grips, name) for name in GRIP_NAMES]
+        for array in (*(getattr(engine.controller_arrays, name) for name in MOTION_NAMES), *grips):
+            array.grad.zero_()
+        tape.end.positions.grad.assign(pack(positions))
+        tape.end.velocities.grad.assign(pack(velocities))
+        tape.backward()
+        self._collect_controls(frames)
+        self._collect_grips(segment)
+        rows = len(self.rollouts)
+        return (
+            unpack(tape.start.positions.grad.numpy(), rows).astype(np.float64),
+            unpack(tape.start.velocities.grad.numpy(), rows).astype(np.float64),
+        )
+
+    def _segment(self, frames: np.ndarray, active: np.ndarray) -> Segment:
+        """The segments of each row's frame put together; with the last one's springs, if they are the same."""
+        rows = [(self.forward.segments[frame], row) for frame, row in zip(frames, self.rollouts, strict=True)]
+        attachments = tuple(segment.attachments[row] for segment, row in rows)
+        last = self.segment
+        if last is None or any(a is not b for a, b in zip(attachments, last.attachments, strict=True)):
+            grips, columns = self.engine.grips_of(attachments)
+            self.tape = None
+        else:
+            grips, columns = last.grips, list(last.columns)
+        self.segment = Segment(
+            attachments=attachments,
+            columns=tuple(columns),
+            grips=grips,
+            rates=tuple(segment.rates[row] for segment, row in rows),
+            durations=np.array([segment.durations[row] for segment, row in rows]),
+            substeps=np.where(active, [segment.substeps[row] for segment, row in rows], 0),
+        )
+        return self.segment
+
+    def _tape(self, inputs: FrameInputs, segment: Segment) -> FrameTape:
+        """The tape of a frame; the last one serves as long as it would read the same arrays."""
+        engine, substeps = self.engine, int(segment.substeps.max())
+        if self.tape is None or self.tape.substeps != substeps or inputs.pairs.count > 0:
+            self.tape = FrameTape(substeps, engine.groups, self.nodes, self.controllers, engine.device)
+            self.tape.record(inputs)
+        return self.tape
+
+    def _collect_controls(self, frames: np.ndarray) -> None:
+        arrays, rows = self.engine.controller_arrays, len(self.rollouts)
+        for total, at, name in (
+            (self.controls, frames, "start_positions"),
+            (self.controls, frames + 1, "end_positions"),
+            (self.control_velocities, frames, "start_velocities"),
+            (self.control_velocities, frames + 1, "end_velocities"),
+        ):
+            np.add.at(total, (self.rollouts, at), unpack(getattr(arrays, name).grad.numpy(), rows))
+
+    def _collect_grips(self, segment: Segment) -> None:
+        rows = len(self.rollouts)
+        stiffness, damping, rest_lengths = (
+            unpack(getattr(segment.grips, name).grad.numpy(), rows) for name in GRIP_NAMES
+        )
+        np.add.at(self.controller_stiffness, self.rollouts, stiffness.sum(axis=1))
+        np.add.at(self.controller_damping, self.rollouts, damping.sum(axis=1))
+        for row, (held, columns) in enumerate(zip(segment.attachments, segment.columns, strict=True)):
+            if held is not self.held[row]:
+                later = dict(zip(self.held[row].identities(), self.by_rest_length[row], strict=True))
+                self.by_rest_length[row] = np.array([later.get(identity, 0.0) for identity in held.identities()])
+                self.held[row] = held
+            self.by_rest_length[row] = self.by_rest_length[row] + rest_lengths[row, columns]
+
+    def _back_over_start(self, row: int, frame: int, positions: np.ndarray) -> None:
+        """Where controller springs begin with this frame, pass on what depends on their rest lengths.
+
+        A rest length is the distance of node and controller point as the contact begins.
+        """
+        rollout = self.rollouts[row]
+        segments = self.forward.segments
+        before = segments[frame - 1].attachments[rollout] if frame else NOTHING_HELD
+        held = self.held[row]
+        if held is before:
+            return
+        earlier = set(before.identities())
+        new = [index for index, identity in enumerate(held.identities()) if identity not in earlier]
+        nodes, controllers = held.nodes[new], held.controllers[new]
+        offset = self.positions[frame, rollout, nodes] - self.forward.controllers[rollout, frame, controllers]
+        length = np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), SHORTEST_LENGTH)
+        pull = self.by_rest_length[row][new, None] * offset / length
+        np.add.at(positions, nodes, pull)
+        np.add.at(self.controls[rollout, frame], controllers, -pull)
+
+    def _gradient(self, positions: np.ndarray, velocities: np.ndarray) -> Gradient:
+        engine, running, count = self.engine, self.running, self.forward.batch.count
+        velocity_of_position = np.gradient(np.eye(len(engine.times)), engine.times, axis=0)
+        controls = self.controls + np.einsum("ft,kfcx->ktcx", velocity_of_position, self.control_velocities)
+
+        def total(array: wp.array) -> np.ndarray:
+            values = unpack(array.grad.numpy(), len(self.rollouts)).astype(np.float64)
+            values = values.reshape(count, self.windows, *values.shape[1:]).sum(axis=1)
+            values[~running] = 0.0
+            return values
+
+        return Gradient(
+            **{name: total(getattr(engine.springs, name)) for name in SPRING_NAMES},
+            controller_stiffness=np.where(running, self.controller_stiffness, 0.0),
+            controller_damping=np.where(running, self.controller_damping, 0.0),
+            parameters={name: total(getattr(engine.parameters, name)) for name in (*PARAMETER_NAMES, "contact_height")},
+            effects=total(engine.numbers),
+            controls=np.where(running[:, None, None, None], controls, 0.0),
+            positions=positions,
+            velocities=velocities,
+        )

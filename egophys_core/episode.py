@@ -73,7 +73,7 @@ class Episode:
         largest = float(np.nanmax(np.abs(points)))
         if largest > LARGEST_SCENE_M:
             raise EpisodeError(
-                f"{self.name}: a coordinate of {largest:.0f} m; points must be in metres (were these millimetres?)"
+                f"{self.name}: a coordinate of {largest:.0f} m; points must be in metres: divide millimetres by 1000"
             )
 
     @property

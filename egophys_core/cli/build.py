@@ -1,13 +1,14 @@
 """`egophys build EPISODE... --out TWIN`."""
 
 import argparse
+import sys
 from pathlib import Path
 
 from egophys_core.cli.display import print_json, print_scores, progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.evaluation import Scores, baseline_scores
 from egophys_core.files import require_writable
-from egophys_core.identification import FitOptions, build_twin, find_hands, hold_flags
+from egophys_core.identification import FitOptions, build_twin, contact_flags, find_hands
 from egophys_core.recording import read_episode
 from egophys_core.twin import save_twin
 
@@ -20,6 +21,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("episodes", nargs="+", type=Path, metavar="EPISODE", help=".mcap file or rosbag2 folder")
     parser.add_argument("--out", required=True, type=Path, metavar="TWIN", help="twin file to write (.twin)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the search (default 0)")
+    parser.add_argument(
+        "--checkpoint",
+        type=Path,
+        metavar="FILE",
+        help="keep the search in this file after every generation; if it is there, go on from it to the same twin",
+    )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     add_option_arguments(parser, FitOptions)
 
@@ -28,17 +35,26 @@ def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
     options = options_from(parsed, FitOptions)
     require_writable(parsed.out)
+    if parsed.checkpoint is not None:
+        require_writable(parsed.checkpoint)
     episodes = [read_episode(path) for path in parsed.episodes]
-    with progress_bar() as report:
-        twin = build_twin(
-            episodes,
-            options,
-            seed=parsed.seed,
-            progress=lambda stage, share, loss: report(stage, share, f"loss {1000 * loss:.1f} mm"),
-        )
+    try:
+        with progress_bar() as report:
+            twin = build_twin(
+                episodes,
+                options,
+                seed=parsed.seed,
+                progress=lambda stage, share, loss: report(stage, share, f"loss {1000 * loss:.1f} mm"),
+                checkpoint=parsed.checkpoint,
+            )
+    except KeyboardInterrupt:
+        if parsed.checkpoint is None or not parsed.checkpoint.exists():
+            raise
+        print(f"egophys build: stopped; the same command goes on from {parsed.checkpoint}", file=sys.stderr)
+        return 130
     save_twin(twin, parsed.out)
-    hold = hold_flags(episodes[0], find_hands(episodes[0]))
-    scores = {"twin": Scores(**twin.provenance.scores), **baseline_scores(episodes[0], hold)}
+    contact = contact_flags(episodes[0], find_hands(episodes[0]))
+    scores = {"twin": Scores(**twin.provenance.scores), **baseline_scores(episodes[0], contact)}
     if parsed.json:
         named = {name: each.as_dict() for name, each in scores.items()}
         print_json({"twin": str(parsed.out), "twin_id": twin.twin_id, "scores": named})

@@ -1,17 +1,28 @@
 """The coarse fit: CMA-ES over graph and global parameters, a whole population in one batch (paper, App. B.2)."""
 
+import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import cma
 import numpy as np
 
-from egophys_core.errors import TwinError
-from egophys_core.identification.loss import rollout_loss
+from egophys_core.errors import EpisodeError, TwinError
+from egophys_core.identification.loss import TAIL_SHARE, rollout_loss
 from egophys_core.identification.options import FitOptions
 from egophys_core.identification.problem import FitProblem
 from egophys_core.identification.rest_shape import RestShape
 from egophys_core.identification.search_space import candidate, searched_numbers
+from egophys_core.identification.search_state import (
+    START_ANEW,
+    SearchState,
+    load_search,
+    save_search,
+    search_identity,
+)
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 
@@ -34,32 +45,46 @@ class CoarseFit:
 
 
 def fit_coarse(
-    problems: Sequence[FitProblem], shape: RestShape, options: FitOptions, *, seed: int, progress: Progress
+    problems: Sequence[FitProblem],
+    shape: RestShape,
+    options: FitOptions,
+    *,
+    seed: int,
+    progress: Progress,
+    checkpoint: Path | None = None,
 ) -> CoarseFit:
     """Search graph and global parameters that make rollouts match the train frames of all episodes.
 
+    Args:
+        checkpoint: file that keeps the search after every generation. If it is there, the search goes on from
+            it and ends, bit for bit, as one that was never stopped.
+
     Raises:
-        EpisodeError: an episode has no contact in its train frames.
-        TwinError: every candidate diverged.
+        EpisodeError: an episode has no contact in its train frames, or its object is not seen in them.
+        TwinError: every candidate diverged, or the checkpoint cannot be gone on from.
+        OutputError: the checkpoint cannot be written.
     """
     for problem in problems:
         problem.require_train_frames()
-    numbers = searched_numbers(shape.kind)
-    generator = np.random.default_rng(seed)
-    settings = {
-        "bounds": [0.0, 1.0],
-        # cma seeds NumPy's global generator unless it is given a generator of its own and no seed.
-        "seed": np.nan,
-        "randn": lambda *size: generator.standard_normal(size),
-        "verbose": -9,
-        **({"popsize": options.population} if options.population else {}),
-    }
-    strategy = cma.CMAEvolutionStrategy([number.start_u for number in numbers], options.step_size, settings)
+        _require_sight(problem, options.frame_stride)
+    state = SearchState(identity=search_identity(problems, shape, options, seed=seed))
+    if checkpoint is not None:
+        state = load_search(checkpoint, state.identity)
+        _require_same_loss(problems, shape, options.frame_stride, state, checkpoint)
+    strategy = _strategy(shape, options, seed)
     best_loss, best_coordinates = np.inf, None
     history = []
     for generation in range(options.generations):
         population = [np.asarray(coordinates) for coordinates in strategy.ask()]
-        losses = evaluate_candidates(problems, shape, population, options.frame_stride)
+        if generation < state.generations:
+            if not np.array_equal(population, state.populations[generation]):
+                raise _not_repeated(checkpoint, f"CMA-ES asks for other candidates in generation {generation}")
+            losses = state.losses[generation]
+        else:
+            losses = evaluate_candidates(problems, shape, population, options.frame_stride)
+            state = state.followed_by(np.stack(population), losses)
+            if checkpoint is not None:
+                save_search(state, checkpoint)
         strategy.tell(population, np.minimum(losses, WORST_LOSS).tolist())
         winner = int(np.argmin(losses))
         if losses[winner] < best_loss:
@@ -75,22 +100,69 @@ def fit_coarse(
     )
 
 
+def _strategy(shape: RestShape, options: FitOptions, seed: int) -> cma.CMAEvolutionStrategy:
+    """CMA-ES at its start, with a random generator of its own."""
+    generator = np.random.default_rng(seed)
+    settings = {
+        "bounds": [0.0, 1.0],
+        # cma seeds NumPy's global generator unless it is given a generator of its own and no seed.
+        "seed": np.nan,
+        "randn": lambda *size: generator.standard_normal(size),
+        "verbose": -9,
+        **({"popsize": options.population} if options.population else {}),
+    }
+    start = [number.start_u for number in searched_numbers(shape.kind)]
+    return cma.CMAEvolutionStrategy(start, options.step_size, settings)
+
+
+def _require_sight(problem: FitProblem, stride: int) -> None:
+    """Check that some track of frame 0 is seen in the last fitted frames, which count twice in the loss."""
+    frames = problem.loss_frames(stride)
+    frames = frames[int((1.0 - TAIL_SHARE) * len(frames)) :]
+    if not problem.episode.visible[frames][:, problem.bound >= 0].any():
+        raise EpisodeError(
+            f"{problem.episode.name}: of the object points seen in frame 0 none is seen in frames {frames[0]} .. "
+            f"{frames[-1]}, the last that are fitted; crop the episode to where the object is tracked"
+        )
+
+
+def _require_same_loss(
+    problems: Sequence[FitProblem], shape: RestShape, stride: int, state: SearchState, checkpoint: Path
+) -> None:
+    """Check that the stored losses are those that this code and machine compute, on the best candidate."""
+    best = state.best()
+    if best is None:
+        return
+    coordinates, stored = best
+    loss = float(evaluate_candidates(problems, shape, [coordinates], stride)[0])
+    if loss != stored:
+        raise _not_repeated(checkpoint, f"its best candidate has a loss of {loss!r} m, stored are {stored!r} m")
+
+
+def _not_repeated(checkpoint: Path | None, what: str) -> TwinError:
+    return TwinError(
+        f"search state {checkpoint} cannot be gone on from: {what}; was it made by other code or on another "
+        f"machine? If not, it is damaged: {START_ANEW}"
+    )
+
+
 def evaluate_candidates(
     problems: Sequence[FitProblem], shape: RestShape, population: Sequence[np.ndarray], stride: int
 ) -> np.ndarray:
     """[K] metres: the loss of candidates at normalised coordinates, averaged over episodes."""
     losses = np.zeros(len(population))
-    for problem in problems:
-        ground = problem.episode.ground_height
-        models = [candidate(shape, coordinates, ground_height=ground) for coordinates in population]
-        controls, starts = [problem.train_controls()] * len(models), [problem.start] * len(models)
-        result = rollout(batch_of_models(models, controls, starts=starts, ground_height=ground))
-        frames = problem.loss_frames(stride)
-        for row, positions in enumerate(result.positions):
-            losses[row] += rollout_loss(
-                positions[frames - problem.first_frame],
-                shape.surface,
-                problem.bound,
-                problem.episode.points[frames],
-            )
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for problem in problems:
+            ground = problem.episode.ground_height
+            models = [candidate(shape, coordinates, ground_height=ground) for coordinates in population]
+            controls, starts = [problem.train_controls()] * len(models), [problem.start] * len(models)
+            result = rollout(batch_of_models(models, controls, starts=starts, ground_height=ground))
+            frames = problem.loss_frames(stride)
+            predicted = result.positions[:, frames - problem.first_frame]
+            observed = problem.episode.points[frames]
+            losses += list(pool.map(partial(_loss, shape, problem, observed), predicted))
     return losses / len(problems)
+
+
+def _loss(shape: RestShape, problem: FitProblem, observed: np.ndarray, predicted: np.ndarray) -> float:
+    return rollout_loss(predicted, shape.surface, problem.bound, observed)

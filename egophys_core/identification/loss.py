@@ -1,6 +1,7 @@
 """The rollout loss of the coarse fit: geometry plus motion discrepancy (paper, coarse-fit objective)."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
 
@@ -10,6 +11,9 @@ TAIL_SHARE = 0.25
 The twin is to predict what comes after the fitted frames. Among candidates of nearly equal loss the error on the
 last frames tells the held-out error (correlation 0.43), the error on all frames does not (docs/notes/coarse_fit.md).
 """
+
+SMALLEST_DISTANCE = 1e-9
+"""Metres. Guards the direction of an offset of no length, which becomes 0."""
 
 
 def rollout_loss(predicted: np.ndarray, surface: np.ndarray, bound: np.ndarray, observed: np.ndarray) -> float:
@@ -30,3 +34,24 @@ def rollout_loss(predicted: np.ndarray, surface: np.ndarray, bound: np.ndarray, 
     tail = int((1.0 - TAIL_SHARE) * len(visible))
     errors = (chamfer_per_frame(visible, observed), track_error_per_frame(visible, observed, bound))
     return float(sum(np.nanmean(error) + np.nanmean(error[tail:]) for error in errors) / 2)
+
+
+def loss_gradient(predicted: np.ndarray, surface: np.ndarray, bound: np.ndarray, observed: np.ndarray) -> np.ndarray:
+    """[F, V, 3]: derivative by the predicted nodes of the sum over frames of Chamfer distance plus track error.
+
+    Which node is nearest to an observed point is taken as fixed. Arguments as `rollout_loss`.
+    """
+    gradient = np.zeros(predicted.shape)
+    nodes = np.flatnonzero(surface)
+    for frame, (vertices, points) in enumerate(zip(predicted[:, surface], observed, strict=True)):
+        seen = np.isfinite(points).all(axis=1)
+        if not seen.any():
+            continue
+        nearest = cKDTree(vertices).query(points[seen], p=1)[1]
+        np.add.at(gradient[frame], nodes[nearest], np.sign(vertices[nearest] - points[seen]) / seen.sum())
+        tracks = np.flatnonzero(seen & (bound >= 0))
+        if len(tracks):
+            offset = vertices[bound[tracks]] - points[tracks]
+            distance = np.maximum(np.linalg.norm(offset, axis=1, keepdims=True), SMALLEST_DISTANCE)
+            np.add.at(gradient[frame], nodes[bound[tracks]], offset / distance / len(tracks))
+    return gradient

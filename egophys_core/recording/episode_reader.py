@@ -100,7 +100,7 @@ def decode_episode(
         order_by_stamp(frames[controller_topic], f"{name} {controller_topic}"),
         name,
     )
-    if len(objects) < 2:
+    if len(objects) < min(2, len(frames[object_topic])):
         raise EpisodeError(
             f"{name}: only {len(objects)} of {len(frames[object_topic])} messages on {object_topic} have a "
             f"partner on {controller_topic} within half a frame; are both stamped by the same clock?"

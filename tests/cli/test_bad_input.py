@@ -38,6 +38,19 @@ def test_missing_folder_for_the_twin_is_found_before_the_fit(egophys, episode_ba
     refused(egophys("build", episode_bag, "--out", tmp_path, "--generations", "1000"), tmp_path, "is a folder")
 
 
+def test_checkpoint_that_cannot_be_used_is_found_before_the_fit(egophys, episode_bag, twin_file, tmp_path):
+    def build(checkpoint, *more):
+        arguments = ["--out", tmp_path / "t.twin", "--generations", "1000", "--checkpoint", checkpoint, *more]
+        return egophys("build", episode_bag, *arguments)
+
+    refused(build(tmp_path / "nowhere" / "search"), "nowhere", "does not exist")
+    refused(build(tmp_path), tmp_path, "is a folder")
+    content = twin_file.read_bytes()
+    refused(build(twin_file), twin_file, "is not the state of a search")
+    assert twin_file.read_bytes() == content
+    assert os.listdir(tmp_path) == []
+
+
 @pytest.mark.parametrize("share", [0.02, 0.5])
 def test_cut_bag_is_used_as_far_as_it_goes_or_refused(egophys, episode_bag, tmp_path, share):
     bag = tmp_path / "cut.mcap"
@@ -66,7 +79,7 @@ def test_hand_that_never_comes_near(egophys, tmp_path):
     episode = sheet_episode()
     far = dataclasses.replace(episode, controllers=episode.controllers + np.float32([0, 0, 1]))
     write_episode(far, tmp_path / "far")
-    refused(egophys("build", tmp_path / "far", "--out", tmp_path / "t.twin"), "no hand comes within 0.05 m")
+    refused(egophys("build", tmp_path / "far", "--out", tmp_path / "t.twin"), "no hand ", "same frame and unit")
     assert not (tmp_path / "t.twin").exists()
 
 

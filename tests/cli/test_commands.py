@@ -5,18 +5,23 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from egophys_core import __version__
 from egophys_core.cli.main import SUBCOMMANDS
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build_twin, coarse
 from egophys_core.recording import read_episode
-from egophys_core.twin import encode_twin, load_twin
+from egophys_core.twin import encode_twin, load_twin, save_twin
 from tests.cli.conftest import FAST_FIT, FAST_PLAN
 
-METRICS = {f"{part}_{name}_m" for part in ("train", "test", "all") for name in ("chamfer", "track")}
+METRICS = {
+    f"{part}_{name}"
+    for part in ("train", "test", "all")
+    for name in ("chamfer_m", "track_m", "two_way_chamfer_m", "iou")
+}
 
 
 @pytest.mark.parametrize("name", [module.NAME for module in SUBCOMMANDS])
@@ -89,11 +94,46 @@ def test_evaluate_tells_the_scores_the_twin_was_built_with(egophys_json, twin_fi
     assert set(content["baselines"]) == {"last observed shape stays", "moves with nearest controller"}
 
 
+def test_stopped_build_says_how_to_go_on_and_does(egophys, episode_bag, tmp_path, monkeypatch):
+    search, out, whole = tmp_path / "search", tmp_path / "t.twin", tmp_path / "whole.twin"
+    arguments = ["build", episode_bag, *FAST_FIT, "--checkpoint", search]
+    save_search = coarse.save_search
+
+    def stop_after_saving(*state: object) -> None:
+        save_search(*state)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(coarse, "save_search", stop_after_saving)
+        code, shown, err = egophys(*arguments, "--out", out)
+    assert (code, shown) == (130, "")
+    assert err == f"egophys build: stopped; the same command goes on from {search}\n"
+    assert not out.exists()
+    assert egophys(*arguments, "--out", out)[0] == 0
+    assert egophys("build", episode_bag, *FAST_FIT, "--out", whole)[0] == 0
+    assert out.read_bytes() == whole.read_bytes()
+
+
 def test_evaluate_without_json_is_a_table(egophys, twin_file, episode_bag):
     code, out, err = egophys("evaluate", twin_file, episode_bag)
     assert (code, err) == (0, "")
     assert "test TE" in out
     assert "mm" in out
+    scores = load_twin(twin_file).provenance.scores
+    assert "test IoU" in out
+    assert f"{scores['test_iou']:.3f}" in out
+    assert f"{1000 * scores['test_two_way_chamfer_m']:.1f}" in out
+
+
+def test_twin_of_a_version_without_some_scores_is_still_read(egophys, egophys_json, twin_file, episode_bag, tmp_path):
+    twin = load_twin(twin_file)
+    scores = {name: value for name, value in twin.provenance.scores.items() if "iou" not in name}
+    save_twin(replace(twin, provenance=replace(twin.provenance, scores=scores)), tmp_path / "old.twin")
+    assert egophys_json("info", tmp_path / "old.twin")["provenance"]["scores"] == scores
+    assert (
+        egophys_json("evaluate", tmp_path / "old.twin", episode_bag)["test_iou"] == twin.provenance.scores["test_iou"]
+    )
+    assert egophys("evaluate", tmp_path / "old.twin", episode_bag)[0] == 0
 
 
 def test_info_of_a_twin(egophys, egophys_json, twin_file):

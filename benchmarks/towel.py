@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.evaluation import baseline_scores
-from egophys_core.identification import FitOptions, build_twin, find_hands, hold_flags
+from egophys_core.identification import FitOptions, build_twin, contact_flags, find_hands
 from egophys_core.recording import read_episode
 
 EPISODE = "examples/towel_lift.mcap"
@@ -22,7 +22,7 @@ def run() -> dict[str, Any]:
         began = time.process_time()
         scores = build_twin([episode], FitOptions(generations=GENERATIONS), seed=seed).provenance.scores
         rows.append({"seed": seed, **scores, "cpu_minutes": (time.process_time() - began) / 60})
-    baselines = baseline_scores(episode, hold_flags(episode, find_hands(episode)))
+    baselines = baseline_scores(episode, contact_flags(episode, find_hands(episode)))
     named = {
         name: {key: value if np.isfinite(value) else None for key, value in scores.as_dict().items()}
         for name, scores in baselines.items()

@@ -79,6 +79,7 @@ def parameter_arrays(batch: RolloutBatch, device: str, *, requires_grad: bool = 
     """Masses and global parameters."""
     arrays = ParameterArrays()
     arrays.masses = lanes_array(batch.masses, device)
+    arrays.inverse_masses = lanes_array(1.0 / batch.masses, device)
     for name in PARAMETER_NAMES:
         values = np.array([getattr(parameters, name) for parameters in batch.parameters], np.float32)
         setattr(arrays, name, lanes_array(values, device, requires_grad=requires_grad))

@@ -24,12 +24,12 @@ def kick(
     """v + dt F / m of nodes first..last-1 into `kicked`, m/s; in the contact band F is projected first."""
     positions = state.positions
     velocities = state.velocities
-    masses = parameters.masses
+    inverse_masses = parameters.inverse_masses
     contact_height = parameters.contact_height[group]
     projection = parameters.ground_projection[group]
     threshold = parameters.contact_threshold[group]
     for node in range(first, last):
-        rate = wp.cw_div(dt, masses[group, node])
+        rate = wp.cw_mul(dt, inverse_masses[group, node])
         height = positions[group, node, 2] - contact_height
         upward = project_upward_force(height, forces[group, node, 2], projection, threshold)
         kicked[group, node, 0] = velocities[group, node, 0] + wp.cw_mul(rate, forces[group, node, 0])

@@ -20,10 +20,12 @@ class StateArrays:
 
 @wp.struct
 class ParameterArrays:
-    """Numbers per rollout; all [G] but the masses."""
+    """Numbers per rollout; all [G] but the masses and their inverses."""
 
     masses: wp.array2d(dtype=Lanes)
     """[G, N] kg."""
+    inverse_masses: wp.array2d(dtype=Lanes)
+    """[G, N] 1/kg."""
     gravity: wp.array(dtype=Lanes)
     """m/s^2, downward."""
     drag: wp.array(dtype=Lanes)

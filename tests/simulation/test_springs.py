@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from egophys_core.simulation import rollout
 from tests.simulation.scenes import frame_times, idle_controls, moving_controls, scene
@@ -36,6 +37,38 @@ def test_undamped_spring_swings_at_its_frequency():
     tolerance = amplitude * (omega * dt / 2 + omega**3 * dt**2 * duration / 24) + 1e-5
     assert tolerance < 0.02 * amplitude
     assert np.abs(moved - amplitude * np.cos(omega * times)).max() < tolerance
+
+
+def zero_crossings(times: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Times at which a sampled curve passes 0, between samples on a straight line."""
+    at = np.flatnonzero(values[:-1] * values[1:] < 0)
+    return times[at] - values[at] * (times[at + 1] - times[at]) / (values[at + 1] - values[at])
+
+
+@pytest.mark.parametrize(("stiffness", "mass"), [(40.0, 0.2), (5.0, 0.2), (300.0, 1.0)])
+def test_frequency_of_a_spring_is_right_to_a_thousandth(stiffness, mass):
+    # Half a period between crossings, pi / sqrt(2 k / m), with steps of 1/600 s: semi-implicit Euler is off by
+    # (omega dt)^2 / 24, here at most 7e-5.
+    duration = 5.0
+    times = frame_times(duration, 1 / 600)
+    moved = extension(1 / 600, duration, stiffness=stiffness, damping=0.0, mass=mass, start=0.05)
+    crossings = zero_crossings(times, moved)
+    half_period = (crossings[-1] - crossings[0]) / (len(crossings) - 1)
+    assert half_period == pytest.approx(np.pi / np.sqrt(2 * stiffness / mass), rel=1e-3)
+
+
+@pytest.mark.parametrize(("stiffness", "damping", "mass"), [(40.0, 0.3, 0.2), (40.0, 0.05, 0.2), (300.0, 2.0, 1.0)])
+def test_decay_of_a_damped_spring_is_right_to_a_hundredth(stiffness, damping, mass):
+    # Peaks half a period apart shrink by exp(-gamma / m T / 2) each, T / 2 = pi / sqrt(2 k / m - (gamma / m)^2). With
+    # steps of 1/600 s the rate itself is off by about gamma dt / m, up to 0.4 %.
+    rate = damping / mass
+    omega = np.sqrt(2 * stiffness / mass - rate**2)
+    moved = np.abs(extension(1 / 600, 2.0, stiffness=stiffness, damping=damping, mass=mass, start=0.05))
+    inner = moved[1:-1]
+    peaks = inner[(inner > moved[:-2]) & (inner >= moved[2:])]
+    swings = min(len(peaks), 1 + int(1.5 * omega / np.pi))
+    measured = -np.log(peaks[swings - 1] / peaks[0]) / (swings - 1) / (np.pi / omega)
+    assert measured == pytest.approx(rate, rel=1e-2)
 
 
 def damped_closed_form(times, *, stiffness, damping, mass, start):
@@ -121,6 +154,42 @@ def test_each_spring_of_a_hanging_chain_carries_what_hangs_below_it():
     below = np.arange(count, 0, -1) * mass * G / stiffness
     assert 1.0 - z[0] == pytest.approx(below[0], abs=1e-4)
     assert -np.diff(z) - length == pytest.approx(below[1:], abs=1e-4)
+
+
+def test_chain_between_two_hands_hangs_as_a_catenary():
+    # y = a cosh((x - x0) / a) + c through the ends, with the chain's length: sinh(w / 2 a) = sqrt(L^2 - h^2) / 2 a.
+    # Nodes of a chain of links l lie on it but for l^2 / 8 a, the sagitta of a link, and its stretch.
+    count, link, mass, stiffness = 25, 0.04, 0.001, 400.0
+    times = frame_times(6.0, 1 / 30)
+    arc = np.linspace(0, np.pi, count)
+    start = np.stack([-0.3 * np.cos(arc), 0 * arc, 0.5 - 0.35 * np.sin(arc) + 0.03 * arc], axis=1)
+    hands = np.tile(start[[0, -1]] + [[-0.001, 0, 0], [0.001, 0, 0]], (len(times), 1, 1))
+    batch = scene(
+        start,
+        moving_controls(times, hands),
+        springs=[(i, i + 1) for i in range(count - 1)],
+        stiffness=stiffness,
+        damping=0.05,
+        rest_lengths=[link] * (count - 1),
+        mass=mass,
+        drag=4.0,
+        controller_stiffness=stiffness,
+        controller_neighbours=1,
+        gravity=G,
+    )
+    result = rollout(batch)
+    assert np.abs(result.velocities).max() < 1e-3
+    chain = result.positions[0, -1].astype(np.float64)
+    links = np.linalg.norm(np.diff(chain, axis=0), axis=1)
+    assert links == pytest.approx(link, rel=0.01)
+    x, z = chain[:, 0], chain[:, 2]
+    width, rise = x[-1] - x[0], z[-1] - z[0]
+    straight = np.sqrt(links.sum() ** 2 - rise**2)
+    a = brentq(lambda a: 2 * a * np.sinh(width / (2 * a)) - straight, 0.02, 10.0)
+    x0 = (x[0] + x[-1]) / 2 - a * np.arcsinh(rise / (2 * a * np.sinh(width / (2 * a))))
+    catenary = a * (np.cosh((x - x0) / a) - np.cosh((x[0] - x0) / a)) + z[0]
+    assert np.ptp(z) > 0.3
+    assert np.abs(z - catenary).max() < link**2 / (8 * a)
 
 
 @pytest.mark.parametrize("length", [0.4, 1.0, 1.2, 1.3, 2.0, 5.0])

@@ -5,7 +5,7 @@ there on a tape, so memory holds one state per frame and the substeps of one fra
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -16,8 +16,9 @@ from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.device_arrays import MOTION_NAMES, PARAMETER_NAMES, SPRING_NAMES
 from egophys_core.simulation.engine import Engine, Segment
 from egophys_core.simulation.frame_tape import FrameTape
-from egophys_core.simulation.lanes import pack, unpack
+from egophys_core.simulation.lanes import Lanes, pack, unpack
 from egophys_core.simulation.rollout import Rollout, advance_all
+from egophys_core.simulation.self_collision import PairArrays
 from egophys_core.simulation.springs import SHORTEST_LENGTH
 from egophys_core.simulation.substep import FrameInputs
 
@@ -111,6 +112,7 @@ class _BackwardPass:
         """Derivatives by their rest lengths, from that frame on."""
         self.tape: FrameTape | None = None
         self.segment: Segment | None = None
+        self.pairs: PairArrays | None = None
 
     def run(self, seeds: np.ndarray) -> Gradient:
         """Back from the derivatives [K, F, N, 3] by the positions."""
@@ -189,10 +191,28 @@ class _BackwardPass:
     def _tape(self, inputs: FrameInputs, segment: Segment) -> FrameTape:
         """The tape of a frame; the last one serves as long as it would read the same arrays."""
         engine, substeps = self.engine, int(segment.substeps.max())
-        if self.tape is None or self.tape.substeps != substeps or inputs.pairs.count > 0:
+        inputs = replace(inputs, pairs=self._kept_pairs(inputs.pairs))
+        if self.tape is None or self.tape.substeps != substeps:
             self.tape = FrameTape(substeps, engine.groups, self.nodes, self.controllers, engine.device)
             self.tape.record(inputs)
         return self.tape
+
+    def _kept_pairs(self, pairs: PairArrays) -> PairArrays:
+        """The pairs of a frame in arrays that stay the same from frame to frame, as a tape needs."""
+        if self.engine.finder is None:
+            return pairs
+        if self.pairs is None or pairs.count > self.pairs.count:
+            self.tape, self.pairs = None, PairArrays()
+            # Room for twice as many; what is not named in `starts` is never read.
+            self.pairs.count = max(1, 2 * pairs.count)
+            self.pairs.starts = wp.empty_like(pairs.starts)
+            self.pairs.others = wp.empty(self.pairs.count, dtype=int, device=self.engine.device)
+            self.pairs.distances = wp.empty(self.pairs.count, dtype=Lanes, device=self.engine.device)
+        wp.copy(self.pairs.starts, pairs.starts)
+        if pairs.count:
+            wp.copy(self.pairs.others, pairs.others, count=pairs.count)
+            wp.copy(self.pairs.distances, pairs.distances, count=pairs.count)
+        return self.pairs
 
     def _collect_controls(self, frames: np.ndarray) -> None:
         arrays, rows = self.engine.controller_arrays, len(self.rollouts)

@@ -147,6 +147,26 @@ def test_stiff_hold_counts_in_the_number_of_substeps():
     assert least < rollout(batch).substeps[0] < 1.3 * least
 
 
+def test_longest_substep_is_the_callers_choice_where_stability_allows_it():
+    # A free fall of t seconds is off by g t dt / 2.
+    batch = scene([[0, 0, 1.0]], idle_controls(frame_times(0.5, 1 / 30)), gravity=9.81)
+    exact = 1.0 - 9.81 * 0.5**2 / 2
+    for substeps in (5, 40):
+        result = rollout(batch, longest_substep=1 / 30 / substeps)
+        assert result.substeps.tolist() == [substeps]
+        error = result.positions[0, -1, 0, 2] - exact
+        assert error == pytest.approx(-9.81 * 0.5 / 30 / substeps / 2, abs=1e-5)
+    stiff = scene(
+        [[0, 0, 0], [0.1, 0, 0]],
+        idle_controls(frame_times(0.1, 1 / 30)),
+        springs=[(0, 1)],
+        stiffness=1e4,
+        rest_lengths=[0.1],
+        mass=1e-3,
+    )
+    assert rollout(stiff, longest_substep=1.0).substeps == rollout(stiff).substeps > 20
+
+
 def test_object_too_stiff_to_simulate_is_refused_with_its_numbers():
     batch = scene(
         [[0, 0, 0], [0.1, 0, 0]],

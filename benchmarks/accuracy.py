@@ -23,7 +23,7 @@ from egophys_core.identification.rest_shape import rest_shape
 from egophys_core.recording import read_episode
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
-ROWS = Path(__file__).resolve().parent / "results/accuracy.json"
+ROWS = Path(__file__).resolve().parents[1] / "out/accuracy.json"
 BUDGETS = (25, 50, 100, 200)
 WORKERS = 2
 SEED = 0
@@ -36,6 +36,7 @@ def run() -> list[dict[str, Any]]:
     rows = json.loads(ROWS.read_text()) if ROWS.exists() else []
     done = {row["episode"] for row in rows}
     missing = [path for path in episode_paths() if episode_name(path) not in done]
+    ROWS.parent.mkdir(exist_ok=True)
     with ProcessPoolExecutor(WORKERS) as pool:
         for future in as_completed([pool.submit(measure, path) for path in missing]):
             rows = sorted([*rows, *future.result()], key=lambda row: row["episode"])
@@ -59,6 +60,7 @@ def measure(path: Path) -> list[dict[str, Any]]:
     """Rows of one episode; errors in metres, minutes of elapsed time on one of two busy cores."""
     episode, options, name = read_episode(path), FitOptions(generations=GENERATIONS), episode_name(path)
     hands = find_hands(episode)
+    shape = rest_shape(episode, hands, max_nodes=options.max_nodes)
 
     def row(model: str, scores: Scores, minutes: float) -> dict[str, Any]:
         errors = {
@@ -68,13 +70,12 @@ def measure(path: Path) -> list[dict[str, Any]]:
             "test_te_m": scores.test_track_m,
         }
         finite = {key: value if np.isfinite(value) else None for key, value in errors.items()}
-        return {"episode": name, "model": model, **finite, "minutes": minutes}
+        return {"episode": name, "kind": str(shape.kind), "model": model, **finite, "minutes": minutes}
 
     static, follow = baseline_scores(episode, contact_flags(episode, hands)).values()
     rows = [row("static", static, 0.0), row("rigid-follow", follow, 0.0)]
 
     began = time.perf_counter()
-    shape = rest_shape(episode, hands, max_nodes=options.max_nodes)
     problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
     coarse = fit_coarse([problem], shape, options, seed=SEED, progress=lambda share, loss: None)
 

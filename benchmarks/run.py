@@ -9,12 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import simulation, towel
+from benchmarks import physics, towel
 from egophys_core.files import write_atomically
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 RESULTS = REPOSITORY / "benchmarks/results"
-BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {"simulation": simulation.run, "towel": towel.run}
+BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {"physics": physics.run, "towel": towel.run}
 
 
 def main() -> None:
@@ -29,8 +29,12 @@ def main() -> None:
 def renew_tables() -> None:
     """Put each result's table between its two markers in the README."""
     readme = (REPOSITORY / "README.md").read_text()
-    for name, table in (("simulation", _simulation_table), ("towel", _towel_table)):
-        text = table(json.loads((RESULTS / f"{name}.json").read_text()))
+    for name, result, table in (
+        ("simulation", "physics", _simulation_table),
+        ("accuracy", "physics", _accuracy_table),
+        ("towel", "towel", _towel_table),
+    ):
+        text = table(json.loads((RESULTS / f"{result}.json").read_text()))
         before, begin, rest = readme.partition(f"<!-- benchmark {name} -->\n")
         _, end, after = rest.partition("<!-- end -->")
         readme = f"{before}{begin}{text}\n{end}{after}"
@@ -48,8 +52,41 @@ def _simulation_table(result: dict[str, Any]) -> str:
             row("yardstick: one rollout, a spring per thread, atomic adds", "yardstick_updates_per_s"),
             row("16 rollouts, per core (CPU time)", "batched_updates_per_s_core"),
             row("16 rollouts, two cores (elapsed time)", "batched_updates_per_s_machine"),
+            "",
+            f"A second of that sheet, hanging, within {1000 * result['equal_accuracy_error_m']:.2f} mm of the "
+            f"reference with 667 substeps a frame, takes {result['equal_accuracy_substeps']} substeps a frame and "
+            f"1/{1 / result['equal_accuracy_cost_ratio']:.0f} of the yardstick's CPU time. "
+            f"{result['cma_generations']} generations of CMA-ES on the shipped episode ({result['cma_nodes']} nodes) "
+            f"take {result['cma_minutes']:.1f} minutes.",
         ]
     )
+
+
+def _accuracy_table(result: dict[str, Any]) -> str:
+    """Means over episodes, and in how many a refinement made the future worse than the coarse fit."""
+    rows = result["accuracy"]
+    keys = ("train_cd_m", "test_cd_m", "train_te_m", "test_te_m")
+    lines = [
+        "| kind | model | train CD | test CD | train TE | test TE | minutes | test TE worse than coarse |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for kind in sorted({row["kind"] for row in rows}):
+        of_kind = [row for row in rows if row["kind"] == kind]
+        coarse = {row["episode"]: row["test_te_m"] for row in of_kind if row["model"] == "coarse"}
+        for model in dict.fromkeys(row["model"] for row in of_kind):
+            of_model = [row for row in of_kind if row["model"] == model]
+            means = [_mean([row[key] for row in of_model]) for key in keys]
+            cells = ["-" if mean is None else f"{1000 * mean:.1f}" for mean in means]
+            worse = sum(row["test_te_m"] > coarse[row["episode"]] for row in of_model)
+            minutes = f"{_mean([row['minutes'] for row in of_model]):.1f}"
+            comparison = "" if model == "coarse" else f"{worse} of {len(of_model)}"
+            lines.append(f"| {kind} | {model} | {' | '.join(cells)} | {minutes} | {comparison} |")
+    return "\n".join(lines)
+
+
+def _mean(values: list[float | None]) -> float | None:
+    numbers = [value for value in values if value is not None]
+    return sum(numbers) / len(numbers) if numbers else None
 
 
 def _towel_table(result: dict[str, Any]) -> str:

@@ -19,8 +19,8 @@ from egophys_core.simulation import batch_of_models, spring_order
 from egophys_core.simulation.gradients import differentiate
 from egophys_core.twin import ObjectModel
 
-FARTHEST = 2.3
-"""Largest change of a logarithm: a factor of 10 up or down, beyond which the number of substeps runs away."""
+FARTHEST = 1.4
+"""Largest change of a logarithm: a factor of 4 up or down, so that the number of substeps at most doubles."""
 
 CONTACT_NAMES = ("friction", "restitution", "controller_stiffness")
 """Global parameters that are refined beside the springs."""

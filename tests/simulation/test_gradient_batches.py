@@ -11,7 +11,7 @@ from egophys_core.simulation import RolloutBatch, gradients, rollout
 from egophys_core.simulation.gradients import Gradient, differentiate
 from tests.simulation.differences import linear_loss
 from tests.simulation.effect_terms import gust_and_tether
-from tests.simulation.gradient_scenes import in_the_air, on_the_table
+from tests.simulation.gradient_scenes import bars_that_collide, in_the_air, on_the_table
 from tests.simulation.scenes import frame_times, idle_controls, scene
 
 COUNT = 11
@@ -101,18 +101,26 @@ def falling_net(times: np.ndarray) -> RolloutBatch:
     return replace(on_the_table(), controls=(idle_controls(times),))
 
 
-def test_many_frames_have_the_gradient_of_one_long_frame():
-    # The same 120 substeps as 12 frames that are gone back over one by one, and as one frame all on the tape.
-    weights = np.random.default_rng(2).normal(0, 1, (6, 3))
+@pytest.mark.parametrize(
+    ("batch", "frames", "names"),
+    [
+        (on_the_table(), 12, ("stiffness", "damping", "friction", "restitution", "gravity", "contact_height")),
+        # Pairs are sought anew for each frame: 3 at first, 1 once the bars have met.
+        (bars_that_collide(), 7, ("stiffness", "damping", "collision_friction", "collision_restitution", "gravity")),
+    ],
+)
+def test_many_frames_have_the_gradient_of_one_long_frame(batch, frames, names):
+    # The same substeps as frames that are gone back over one by one, and as one frame that is all on the tape.
+    nodes, duration = batch.positions.shape[1], frames / 60
+    weights = np.random.default_rng(2).normal(0, 1, (nodes, 3))
 
-    def at_the_end(frames: int):
-        seeds = np.zeros((frames, 6, 3))
+    def gradient(times: np.ndarray) -> dict[str, np.ndarray]:
+        seeds = np.zeros((len(times), nodes, 3))
         seeds[-1] = weights
-        return linear_loss(seeds)
+        return numbers_of(differentiate(replace(batch, controls=(idle_controls(times),)), linear_loss(seeds))[2])
 
-    many = numbers_of(differentiate(falling_net(frame_times(0.2, 1 / 60)), at_the_end(13))[2])
-    one = numbers_of(differentiate(falling_net(np.array([0.0, 0.2])), at_the_end(2))[2])
-    for name in ("stiffness", "damping", "friction", "restitution", "gravity", "contact_height", "positions"):
+    many, one = gradient(frame_times(duration, 1 / 60)), gradient(np.array([0.0, duration]))
+    for name in (*names, "positions", "velocities"):
         scale = np.abs(one[name]).max()
         assert scale > 0
         assert np.abs(many[name] - one[name]).max() < 1e-4 * scale, name

@@ -28,7 +28,7 @@ class FitOptions:
     population: int = number(0, low=0, high=1000, doc="candidates per generation; 0 is the default of CMA-ES")
     step_size: float = number(0.2, low=0.01, high=1.0, doc="initial step of CMA-ES in normalised coordinates")
     frame_stride: int = number(2, low=1, high=30, doc="every how many-th train frame the loss looks at")
-    dense_steps: int = number(0, low=0, high=10_000, doc="steps of dense refinement after the search; 0 is none")
+    dense_steps: int = number(25, low=0, high=10_000, doc="steps of dense refinement after the search; 0 is none")
     dense_rate: float = number(0.1, low=1e-4, high=1.0, doc="step of dense refinement in logarithms of stiffness")
     max_nodes: int = number(400, low=4, high=5000, doc="most surface nodes of the graph")
     kind: KindChoice = choice(KindChoice.AUTO, doc="sheet, solid, or auto to tell by the shape")  # noqa: RUF009

@@ -10,7 +10,7 @@ from egophys_core.cli.main import main
 from egophys_core.recording import write_episode
 from tests.identification.synthetic import sheet_episode
 
-FAST_FIT = ["--generations", "2", "--population", "4", "--frame-stride", "6"]
+FAST_FIT = ["--generations", "2", "--population", "4", "--frame-stride", "6", "--dense-steps", "1"]
 FAST_PLAN = ["--iterations", "2", "--samples", "4", "--waypoints", "2", "--settle-s", "0.2"]
 
 

@@ -52,7 +52,7 @@ def test_every_option_has_a_description(egophys, name):
 
 
 def test_built_twin_is_that_of_the_library(twin_file, episode_bag):
-    options = FitOptions(generations=2, population=4, frame_stride=6)
+    options = FitOptions(generations=2, population=4, frame_stride=6, dense_steps=1)
     assert twin_file.read_bytes() == encode_twin(build_twin([read_episode(episode_bag)], options, seed=0))
 
 
@@ -78,7 +78,7 @@ def test_build_shows_a_table_in_millimetres(egophys, episode_bag, tmp_path):
 
 
 def test_options_come_from_a_file_and_arguments_win(egophys_json, episode_bag, tmp_path):
-    (tmp_path / "fit.yaml").write_text("generations: 1\npopulation: 4\nframe_stride: 10\nkind: sheet\n")
+    (tmp_path / "fit.yaml").write_text("generations: 1\npopulation: 4\nframe_stride: 10\ndense_steps: 0\nkind: sheet\n")
     out = tmp_path / "t.twin"
     egophys_json("build", episode_bag, "--out", out, "--options", tmp_path / "fit.yaml", "--frame-stride", "6")
     settings = load_twin(out).provenance.settings

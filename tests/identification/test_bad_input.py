@@ -19,7 +19,7 @@ from egophys_core.twin import Twin, connected_components
 from tests.identification.synthetic import episode_of, sheet_episode
 from tests.simulation.scenes import sheet_positions
 
-FAST = FitOptions(generations=1, population=4, frame_stride=6)
+FAST = FitOptions(generations=1, population=4, frame_stride=6, dense_steps=0)
 CORNER = 24
 """The point of the synthetic sheet that is taken hold of."""
 

@@ -40,7 +40,7 @@ from tests.identification.synthetic import (
 )
 from tests.simulation.scenes import sheet_positions
 
-SHORT = FitOptions(generations=4, population=8, frame_stride=4)
+SHORT = FitOptions(generations=4, population=8, frame_stride=4, dense_steps=0)
 
 
 def lifted(points: np.ndarray, *, grasp: np.ndarray, arrival: int) -> Episode:
@@ -67,7 +67,7 @@ def test_known_stiffness_is_recovered_to_a_low_error_on_held_out_frames():
     # Twenty times softer than where the search starts, and more damped.
     made_by = known_model(stiffness_rate=0.25, damping_rate=0.6, friction=0.6)
     episode = make_episode(made_by, noise_m=5e-4)
-    twin = build_twin([episode], FitOptions(generations=25, population=12, frame_stride=3), seed=1)
+    twin = build_twin([episode], FitOptions(generations=25, population=12, frame_stride=3, dense_steps=0), seed=1)
     scores = twin.provenance.scores
     contact = contact_flags(episode, find_hands(episode))
     without_physics = min(each.test_track_m for each in baseline_scores(episode, contact).values())
@@ -86,7 +86,7 @@ def test_search_lowers_the_loss_and_never_forgets_its_best():
     fit = fit_coarse(
         [problem],
         shape,
-        FitOptions(generations=10, population=8, frame_stride=4),
+        FitOptions(generations=10, population=8, frame_stride=4, dense_steps=0),
         seed=0,
         progress=lambda share, loss: reported.append((share, loss)),
     )
@@ -183,7 +183,7 @@ def test_gap_in_the_surface_is_bridged():
     half = sheet_positions(4, 0.03, 0.004)
     points = np.concatenate([half, half + np.float32([0.25, 0, 0])])
     episode = lifted(points, grasp=points[0] + [0, 0, 0.01], arrival=12)
-    twin = build_twin([episode], FitOptions(generations=1, population=4, kind=KindChoice.SHEET), seed=0)
+    twin = build_twin([episode], FitOptions(generations=1, population=4, dense_steps=0, kind=KindChoice.SHEET), seed=0)
     assert connected_components(len(points), twin.model.graph.springs).max() == 0
 
 
@@ -192,7 +192,7 @@ def test_solid_keeps_its_inner_nodes_unseen():
     direction = generator.normal(size=(60, 3))
     ball = 0.06 * direction / np.linalg.norm(direction, axis=1, keepdims=True) + [0, 0, 0.06]
     episode = lifted(ball, grasp=ball[np.argmax(ball[:, 2])], arrival=10)
-    twin = build_twin([episode], FitOptions(generations=1, population=4), seed=0)
+    twin = build_twin([episode], FitOptions(generations=1, population=4, dense_steps=0), seed=0)
     graph = twin.model.graph
     assert twin.model.kind == ObjectKind.SOLID
     assert graph.surface.sum() == 60

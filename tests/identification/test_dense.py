@@ -97,7 +97,7 @@ def test_coarse_model_is_kept_when_no_step_is_better(monkeypatch):
 
 def test_no_steps_leave_the_model_alone():
     model = known_model()
-    assert fit_dense([], model, FitOptions(), progress=lambda share, loss: None) is model
+    assert fit_dense([], model, FitOptions(dense_steps=0), progress=lambda share, loss: None) is model
 
 
 def test_refinement_repeats_itself_to_the_bit():

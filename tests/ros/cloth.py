@@ -11,8 +11,8 @@ from egophys_core.waypoint_plan import WaypointPlan
 
 NAME = "cloth"
 SEED = 5
-OPTIONS = FitOptions(generations=3, population=4)
-OPTIONS_JSON = '{"generations": 3, "population": 4}'
+OPTIONS = FitOptions(generations=3, population=4, dense_steps=1)
+OPTIONS_JSON = '{"generations": 3, "population": 4, "dense_steps": 1}'
 ENDLESS_JSON = '{"generations": 10000}'
 """A build that takes minutes, to be stopped."""
 

@@ -159,7 +159,7 @@ def test_a_plan_fails_clearly_when_the_twin_changes_or_goes(
     request = RebuildTwin.Request(
         episode_paths=[str(bag)],
         output_path=str(tmp_path / "other.twin"),
-        options_json='{"generations": 1, "population": 2}',
+        options_json='{"generations": 1, "population": 2, "dense_steps": 0}',
     )
     assert client.call(RebuildTwin, "/twin_node/rebuild", request).accepted
     job = client.message(BuildJob, "/twin_node/job", lambda job: job.state == BuildJob.SUCCEEDED, latched())

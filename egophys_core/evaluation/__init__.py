@@ -1,7 +1,8 @@
-"""Errors of a predicted motion, and the predictions without physics to compare with."""
+"""Errors of a predicted motion and of what was made of a video, and the predictions without physics to beat."""
 
 from egophys_core.evaluation.baselines import baseline_scores, rigid_follow_prediction, static_prediction
 from egophys_core.evaluation.iou import iou_per_frame
+from egophys_core.evaluation.masks import MaskScores, mask_scores
 from egophys_core.evaluation.metrics import (
     bind_tracks,
     chamfer_per_frame,
@@ -10,14 +11,33 @@ from egophys_core.evaluation.metrics import (
     two_way_chamfer,
     two_way_chamfer_per_frame,
 )
+from egophys_core.evaluation.places import Places, identify
+from egophys_core.evaluation.point_tracks import PointTrackScores, first_visible, point_track_scores
+from egophys_core.evaluation.reconstruction import (
+    CameraPoseScores,
+    ReconstructionScores,
+    camera_pose_scores,
+    reconstruction_scores,
+)
 from egophys_core.evaluation.scores import Scores, score
 
 __all__ = [
+    "CameraPoseScores",
+    "MaskScores",
+    "Places",
+    "PointTrackScores",
+    "ReconstructionScores",
     "Scores",
     "baseline_scores",
     "bind_tracks",
+    "camera_pose_scores",
     "chamfer_per_frame",
+    "first_visible",
+    "identify",
     "iou_per_frame",
+    "mask_scores",
+    "point_track_scores",
+    "reconstruction_scores",
     "rigid_follow_prediction",
     "score",
     "split_frames",

@@ -96,7 +96,7 @@ class TestPlanning:
         ended = client.result(handle)
         assert ended.status == GoalStatus.STATUS_SUCCEEDED, ended.result.message
         plan = ended.result.plan
-        assert plan.predicted_cost < 0.7 * ended.result.initial_cost
+        assert plan.predicted_cost < 0.85 * ended.result.initial_cost
         assert [each.iteration for each in seen] == [1, 2, 3, 4]
         assert seen[-1].best_cost == plan.predicted_cost
 

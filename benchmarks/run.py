@@ -63,12 +63,12 @@ def _simulation_table(result: dict[str, Any]) -> str:
 
 
 def _accuracy_table(result: dict[str, Any]) -> str:
-    """Means over episodes, and in how many a refinement made the future worse than the coarse fit."""
+    """Means over the episodes that a model was measured on, and what it changes of the coarse fit's there."""
     rows = result["accuracy"]
     keys = ("train_cd_m", "test_cd_m", "train_te_m", "test_te_m")
     lines = [
-        "| kind | model | train CD | test CD | train TE | test TE | minutes | test TE worse than coarse |",
-        "|---|---|---|---|---|---|---|---|",
+        "| kind | model | episodes | train CD | test CD | train TE | test TE | test TE - coarse | worse in | minutes |",
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for kind in sorted({row["kind"] for row in rows}):
         of_kind = [row for row in rows if row["kind"] == kind]
@@ -77,10 +77,14 @@ def _accuracy_table(result: dict[str, Any]) -> str:
             of_model = [row for row in of_kind if row["model"] == model]
             means = [_mean([row[key] for row in of_model]) for key in keys]
             cells = ["-" if mean is None else f"{1000 * mean:.1f}" for mean in means]
-            worse = sum(row["test_te_m"] > coarse[row["episode"]] for row in of_model)
+            changes = [row["test_te_m"] - coarse[row["episode"]] for row in of_model]
+            worse = sum(change > 0 for change in changes)
+            change = "" if model == "coarse" else f"{1000 * sum(changes) / len(changes):+.1f}"
             minutes = f"{_mean([row['minutes'] for row in of_model]):.1f}"
-            comparison = "" if model == "coarse" else f"{worse} of {len(of_model)}"
-            lines.append(f"| {kind} | {model} | {' | '.join(cells)} | {minutes} | {comparison} |")
+            lines.append(
+                f"| {kind} | {model} | {len(of_model)} | {' | '.join(cells)} | {change} | "
+                f"{'' if model == 'coarse' else worse} | {minutes} |"
+            )
     return "\n".join(lines)
 
 

@@ -151,7 +151,7 @@ def evaluate_candidates(
 ) -> np.ndarray:
     """[K] metres: the loss of candidates at normalised coordinates, averaged over episodes."""
     losses = np.zeros(len(population))
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         for problem in problems:
             ground = problem.episode.ground_height
             models = [candidate(shape, coordinates, ground_height=ground) for coordinates in population]

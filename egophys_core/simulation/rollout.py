@@ -58,7 +58,7 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
     # Loaded here, before threads ask for it at the same time.
     wp.load_module(frame_kernel(effect_terms(batch)).module, device=device)
     groups = group_count(batch.count)
-    workers = min(groups, os.cpu_count() or 1)
+    workers = min(groups, len(os.sched_getaffinity(0)))
     # Rollouts with similar substeps share a lane group: it runs as many as the one that needs most.
     order = np.argsort(_fastest_rates(batch), kind="stable")
     bounds = np.linspace(0, groups, workers + 1).astype(int) * LANES

@@ -10,8 +10,8 @@ from egophys_core.identification import FitOptions, build_twin, contact_flags, f
 from egophys_core.recording import read_episode
 
 EPISODE = "examples/towel_lift.mcap"
-GENERATIONS = 16
-SEEDS = range(5)
+GENERATIONS = 50
+SEEDS = range(3)
 
 
 def run() -> dict[str, Any]:

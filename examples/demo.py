@@ -63,7 +63,7 @@ def main() -> int:
     parser.add_argument("--episode", type=Path, default=EPISODE, help="episode to build from")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for twin, log and picture")
     parser.add_argument("--target-frame", type=int, default=100, help="the shape seen in this frame is the target")
-    parser.add_argument("--generations", type=int, default=16, help="generations of the fit (the paper: 50)")
+    parser.add_argument("--generations", type=int, default=50, help="generations of the fit")
     parser.add_argument("--seed", type=int, default=0)
     parsed = parser.parse_args()
     # A graph of its own, on this machine only: nodes that already run are left alone.

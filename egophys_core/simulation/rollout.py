@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import warp as wp
+from scipy.sparse import coo_matrix
 
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.batch import RolloutBatch
@@ -78,12 +79,10 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
 
 def _fastest_rates(batch: RolloutBatch) -> np.ndarray:
     """[K] substeps per second that each rollout needs, roughly: from the row sums of M^-1 K and of its damping."""
-    rates = []
-    for weights in (batch.stiffness, batch.damping):
-        sums = np.zeros(batch.masses.shape)
-        for end in batch.springs.T:
-            np.add.at(sums.T, end, weights.T)
-        rates.append(2 * (sums / batch.masses).max(axis=1))
+    springs = len(batch.springs)
+    ends = (batch.springs.ravel(), np.repeat(np.arange(springs), 2))
+    touching = coo_matrix((np.ones(2 * springs), ends), shape=(batch.masses.shape[1], springs)).tocsr()
+    rates = [2 * ((touching @ weights.T).T / batch.masses).max(axis=1) for weights in (batch.stiffness, batch.damping)]
     return np.array([stable_substeps(1.0, *row) for row in zip(*rates, strict=True)])
 
 

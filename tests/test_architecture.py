@@ -18,6 +18,7 @@ BASE = {"errors", "files", "options", "episode", "waypoint_plan"}
 
 MAY_USE = {
     "recording": set(),
+    "perception": {"recording"},
     "twin": set(),
     "robot": set(),
     "reporting": set(),
@@ -25,8 +26,9 @@ MAY_USE = {
     "evaluation": set(),
     "identification": {"twin", "simulation", "evaluation"},
     "planning": {"twin", "simulation", "evaluation"},
+    "episode_source": {"recording", "perception"},
     "replay": {"recording", "twin", "identification", "planning"},
-    "cli": {"recording", "twin", "evaluation", "identification", "planning", "replay"},
+    "cli": {"episode_source", "recording", "perception", "twin", "evaluation", "identification", "planning", "replay"},
 }
 """Which rooms a room may import from besides itself (DESIGN.md: data flow one way, never sideways)."""
 

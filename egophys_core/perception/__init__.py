@@ -1,0 +1,1 @@
+"""RGB frames -> masks -> tracks -> 3D points -> Episode."""

@@ -1,0 +1,75 @@
+"""Points of the hand in space: its pixels near the grip, at the depth of what it holds.
+
+A hand has no texture to see its depth by, but where it holds the object the two are at one place.
+"""
+
+import numpy as np
+
+from egophys_core.perception.grip import Grip, carried
+from egophys_core.perception.parallax import rays_of_pixels
+from egophys_core.perception.stages import Masks, View
+from egophys_core.perception.surface_render import project
+from egophys_core.perception.track_filter import farthest_points
+
+RADIUS_M = 0.025
+"""Metres around the grip from which points of the hand are taken."""
+
+
+class HandPoints:
+    """Points of one hand from view to view, from the moment it takes hold."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._pixels: np.ndarray | None = None
+        self._depth = np.nan
+
+    @property
+    def has_gripped(self) -> bool:
+        """Whether the hand holds or has held the object."""
+        return self._pixels is not None
+
+    def next(
+        self,
+        view: View,
+        masks: Masks,
+        positions: np.ndarray,
+        grip: Grip | None,
+        motion: np.ndarray | None,
+    ) -> np.ndarray:
+        """[C, 3] metres, frame world: NaN before the grip and while the hand is not seen.
+
+        Args:
+            view: its pose is known.
+            masks: of the view.
+            positions: [W, 3] metres: the object's surface.
+            grip: what the hand holds.
+            motion: [2, 3] similarity of the hand since the view before; None if it is not seen in both.
+        """
+        if grip is not None:
+            held = project(positions[grip.vertices], view.camera_matrix, view.world_from_camera)
+            self._depth = float(np.median(held[:, 2]))
+        if self._pixels is None:
+            if grip is None:
+                return np.full((self._count, 3), np.nan)
+            self._pixels = _pixels_near(grip.pixels, masks.hand, self._depth, view, self._count)
+        elif motion is None:
+            return np.full((self._count, 3), np.nan)
+        else:
+            self._pixels = carried(self._pixels, motion)
+        return at_depth(self._pixels, self._depth, view)
+
+
+def at_depth(pixels: np.ndarray, depth: float, view: View) -> np.ndarray:
+    """[N, 3] metres, frame world: pixels [N, 2] at a depth along the optical axis."""
+    return view.world_from_camera[:3, 3] + depth * rays_of_pixels(pixels, view)
+
+
+def _pixels_near(held: np.ndarray, hand: np.ndarray, depth: float, view: View, count: int) -> np.ndarray:
+    """[C, 2] pixels of the hand around what it holds, spread evenly; repeated where there are too few."""
+    rows, columns = np.nonzero(hand)
+    pixels = np.column_stack([columns, rows]).astype(float)
+    away = np.linalg.norm(pixels - held.mean(axis=0), axis=1) * depth / view.camera_matrix[0, 0]
+    near = pixels[away < RADIUS_M] if (away < RADIUS_M).any() else held
+    flat = np.column_stack([near, np.zeros(len(near))])
+    chosen = near[farthest_points(flat, count)]
+    return np.resize(chosen, (count, 2))

@@ -1,0 +1,33 @@
+"""What perception knows of one view, for publishing, drawing and stacking into an episode."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.perception.stages import Masks, View
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation:
+    """Object and hand in one view."""
+
+    view: View
+    """Image and pose."""
+    masks: Masks
+    """Of the view."""
+    points: np.ndarray
+    """[N, 3] float64, metres, frame world: the tracked points of the object, in the same order in every view."""
+    confidence: np.ndarray
+    """[N] float64 in 0..1; 0 where nothing is known."""
+    pixels: np.ndarray
+    """[N, 2] float64, x and y: the points' places in the view."""
+    visible: np.ndarray
+    """[N] bool: seen in this view, not only inferred."""
+    mesh_pixels: np.ndarray
+    """[V, 2] float64: the vertices of the reconstructed surface in the view; NaN behind the camera."""
+    mesh_edges: np.ndarray
+    """[E, 2] int: its edges."""
+    hand_points: np.ndarray
+    """[C, 3] float64, metres, frame world: points of the hand, in the same order in every view; NaN where unknown."""
+    hand_motion: np.ndarray | None
+    """[2, 3] similarity that moved the hand in the image since the view before; None if it is not seen in both."""

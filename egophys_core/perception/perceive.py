@@ -1,0 +1,206 @@
+"""Video -> Episode: the whole of perception, on a bag."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from egophys_core.episode import Episode
+from egophys_core.errors import EpisodeError
+from egophys_core.perception.board import Board
+from egophys_core.perception.board_pose import BoardPoseFinder, CameraPose, NoPose, doubt_intrinsics
+from egophys_core.perception.camera import FullView, SquareView, upright_turns
+from egophys_core.perception.episode_assembly import EpisodeAssembly
+from egophys_core.perception.observation import Observation
+from egophys_core.perception.options import ObjectKind, PerceptionOptions
+from egophys_core.perception.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
+from egophys_core.perception.scene_observer import SceneObserver
+from egophys_core.perception.stages import View
+from egophys_core.perception.video import IMAGE_TOPIC, INFO_TOPIC, Video, open_video
+
+
+@dataclass(frozen=True, kw_only=True)
+class PerceptionReport:
+    """What was found, inferred and missing."""
+
+    frames: int
+    """Views that were looked at."""
+    posed: int
+    """Of them, views whose camera pose was found on the board."""
+    pose_inferred: int
+    """Views whose pose was interpolated over a short gap."""
+    kind: str
+    """`sheet` or `solid`."""
+    thickness_m: float
+    """Metres: height of the skin of a sheet over the table at rest; 0 for solids."""
+    tracked: int
+    """Points of the object."""
+    coverage: float
+    """0..1: share of (view, point) pairs with a place."""
+    hand_seen: int
+    """Views in which a hand is seen."""
+    grip_frame: int
+    """View in which the hand takes hold; -1 if it never does."""
+    notes: tuple[str, ...]
+    """Sentences for the user: what was inferred or missing, with numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perceived:
+    """An episode from video."""
+
+    episode: Episode
+    """Points of the object and of the hand."""
+    start_ns: int
+    """Header stamp of its first frame, nanoseconds since the epoch."""
+    report: PerceptionReport
+    """What to know about it."""
+
+
+def perceive(
+    path: Path | str,
+    *,
+    image_topic: str = IMAGE_TOPIC,
+    info_topic: str = INFO_TOPIC,
+    options: PerceptionOptions | None = None,
+    board: Board | None = None,
+    on_observation: Callable[[Observation], None] | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Perceived:
+    """Reconstruct the object and the hand of a recorded egocentric video.
+
+    Args:
+        path: an `.mcap` or `.db3` file or a rosbag2 folder with an image topic and its camera info.
+        image_topic: of the camera's images, compressed or raw.
+        info_topic: of its CameraInfo.
+        options: the defaults if None.
+        board: the printed board on the table; the default board if None.
+        on_observation: called with each observation in the order of the stamps, to draw or publish; none is kept.
+        progress: called with a stage and the share of it that is done, 0..1.
+
+    Raises:
+        RecordingError: not a bag, or no images or camera info in it.
+        EpisodeError: no pose of the camera, no object, or it never rests; the message says what to do.
+    """
+    path = Path(path)
+    options = options or PerceptionOptions()
+    board = board or Board()
+    video = open_video(path, image_topic=image_topic, info_topic=info_topic)
+    tell = progress or (lambda stage, share: None)
+    camera = _find_poses(video, board, tell)
+    square = SquareView(video.camera, turns=camera.turns, side=options.side)
+    scene = SceneObserver(options, board)
+    assembly: EpisodeAssembly | None = None
+    hand_seen = 0
+
+    def take(observations: list[Observation]) -> None:
+        nonlocal assembly, hand_seen
+        for observation in observations:
+            if assembly is None:
+                assert scene.rest is not None
+                assembly = EpisodeAssembly(options=options, rest=scene.rest)
+            assembly.add(observation)
+            hand_seen += bool(observation.masks.hand.any())
+            if on_observation is not None:
+                on_observation(observation)
+
+    poses = dict(zip(camera.stamps_ns, camera.track.world_from_camera, strict=True))
+    for index, frame in enumerate(video.frames()):
+        view = View(
+            stamp_ns=frame.stamp_ns,
+            image=square.image(frame.image),
+            camera_matrix=square.matrix,
+            world_from_camera=square.from_raw_pose(poses[frame.stamp_ns]),
+        )
+        take(scene.add(view))
+        tell("shape", min((index + 1) / len(poses), 1.0))
+    take(scene.finish())
+    assert assembly is not None
+    assert scene.rest is not None
+    episode = assembly.episode(path.resolve().name, ground_height=0.0)
+    report = _report(camera, scene, assembly, episode, hand_seen)
+    return Perceived(episode=episode, start_ns=assembly.start_ns, report=report)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _CameraPath:
+    """Poses of the raw camera over the frames that can be decoded."""
+
+    stamps_ns: list[int]
+    track: PoseTrack
+    turns: int
+    reasons: Counter[str]
+    """Why frames have no pose, with how often."""
+    doubt: str | None
+
+
+def _find_poses(video: Video, board: Board, tell: Callable[[str, float], None]) -> _CameraPath:
+    full = FullView(video.camera)
+    finder = BoardPoseFinder(board, full.matrix)
+    poses: list[CameraPose | NoPose] = []
+    stamps_ns: list[int] = []
+    near: CameraPose | None = None
+    near_ns = 0
+    for index, frame in enumerate(video.frames()):
+        is_recent = near is not None and (frame.stamp_ns - near_ns) * 1e-9 < LONGEST_FILLED_GAP_S
+        pose = finder.find(full.image(frame.image), near=near if is_recent else None)
+        if isinstance(pose, CameraPose):
+            near, near_ns = pose, frame.stamp_ns
+        poses.append(pose)
+        stamps_ns.append(frame.stamp_ns)
+        tell("camera poses", min((index + 1) / max(len(video), 1), 1.0))
+    found = [pose for pose in poses if isinstance(pose, CameraPose)]
+    reasons = Counter(pose.reason for pose in poses if isinstance(pose, NoPose))
+    if not found:
+        usual = reasons.most_common(1)[0][0] if reasons else "there are no frames"
+        raise EpisodeError(
+            f"{video.path.name}: the camera's pose is known in none of {len(poses)} frames: {usual}. Put a tag board "
+            "on the table (`egophys board` prints one) and keep it in view, or give its layout if it is another one"
+        )
+    return _CameraPath(
+        stamps_ns=stamps_ns,
+        track=track_poses(stamps_ns, poses),
+        turns=upright_turns(full.to_raw_pose(found[0].world_from_camera)),
+        reasons=reasons,
+        doubt=doubt_intrinsics(found),
+    )
+
+
+def _report(
+    camera: _CameraPath, scene: SceneObserver, assembly: EpisodeAssembly, episode: Episode, hand_seen: int
+) -> PerceptionReport:
+    assert scene.rest is not None
+    rest, track = scene.rest, camera.track
+    posed = int(np.count_nonzero(track.known & ~track.inferred))
+    notes = [note for note in (scene.warning, rest.note, camera.doubt) if note]
+    lost = len(track.known) - int(np.count_nonzero(track.known))
+    inferred = int(np.count_nonzero(track.inferred))
+    if inferred or lost:
+        usual = camera.reasons.most_common(1)[0][0]
+        notes.append(
+            f"camera pose: {inferred} of {len(track.known)} interpolated over gaps of at most "
+            f"{LONGEST_FILLED_GAP_S} s, {lost} missing, whose frames are left out (most often: {usual})"
+        )
+    left_out = len(track.known) - lost - episode.frames
+    if left_out:
+        notes.append(f"{left_out} black frame(s) left out")
+    if hand_seen == 0:
+        notes.append("no hand was seen: the episode has no controllers, so no twin can be fitted to it")
+    elif assembly.grip_frame < 0:
+        notes.append("a hand was seen but the object never moved under it: the episode has no controllers")
+    if rest.kind == ObjectKind.SOLID:
+        notes.append("the hidden side was inferred from symmetry, in the views before the object is touched")
+    return PerceptionReport(
+        frames=len(track.known),
+        posed=posed,
+        pose_inferred=inferred,
+        kind=str(rest.kind),
+        thickness_m=rest.model.thickness,
+        tracked=episode.points.shape[1],
+        coverage=float(episode.visible.mean()),
+        hand_seen=hand_seen,
+        grip_frame=assembly.grip_frame,
+        notes=tuple(notes),
+    )

@@ -1,0 +1,172 @@
+"""Views -> observations, one by one: the part of perception that recorded and live video share."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.errors import EpisodeError
+from egophys_core.perception.board import Board
+from egophys_core.perception.colour_model import is_black
+from egophys_core.perception.confidence import PointConfidence
+from egophys_core.perception.hand_points import HandPoints
+from egophys_core.perception.mask_tracker import MaskTracker
+from egophys_core.perception.object_finder import find_object
+from egophys_core.perception.observation import Observation
+from egophys_core.perception.options import PerceptionOptions
+from egophys_core.perception.rest_surface import RestObject, rest_object
+from egophys_core.perception.stages import Masks, View
+from egophys_core.perception.surface_render import project
+from egophys_core.perception.surface_tracker import SurfaceState, SurfaceTracker
+
+FEWEST_STILL_VIEWS = 5
+"""Views of the object at rest without which nothing begins."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Seen:
+    """A view with its masks."""
+
+    view: View
+    masks: Masks
+
+
+class SceneObserver:
+    """Learns the object at rest from the first second, then follows object and hand."""
+
+    def __init__(self, options: PerceptionOptions, board: Board | None, table_height: float = 0.0) -> None:
+        """Nothing is known yet.
+
+        Args:
+            options: of perception.
+            board: what lies on the table and is not the object; None if there is no board.
+            table_height: z of the table, metres.
+        """
+        self._options = options
+        self._board_corners = None if board is None else board_outline(board)
+        self._table_height = table_height
+        self._waiting: list[View] = []
+        self._masks: MaskTracker | None = None
+        self._forward: _Follower | None = None
+        self.rest: RestObject | None = None
+        """The object at rest, once it is known."""
+        self.warning = ""
+        """What the user should check about the choice of the object."""
+
+    def add(self, view: View) -> list[Observation]:
+        """Take the next view; black ones and ones without a pose are left out.
+
+        Returns:
+            Nothing during the first second, then the observations of that second, then one each.
+
+        Raises:
+            EpisodeError: after the first second: no object is found.
+        """
+        if not np.isfinite(view.world_from_camera).all() or is_black(view):
+            return []
+        if self._forward is not None and self._masks is not None:
+            seen = _Seen(view=view, masks=self._masks.next(view))
+            return [self._forward.next(seen)]
+        self._waiting.append(view)
+        if (view.stamp_ns - self._waiting[0].stamp_ns) * 1e-9 < self._options.still_s:
+            return []
+        return self.finish()
+
+    def finish(self) -> list[Observation]:
+        """Begin with the views there are, if it has not begun; for videos shorter than the still time.
+
+        Raises:
+            EpisodeError: too few views with a pose, or no object in them.
+        """
+        if self._forward is not None:
+            return []
+        if len(self._waiting) < FEWEST_STILL_VIEWS:
+            raise EpisodeError(
+                f"{len(self._waiting)} views with a known camera pose, needed are {FEWEST_STILL_VIEWS} of the object "
+                "at rest; keep the tag board in view, in light, from the start"
+            )
+        views = self._waiting
+        found = find_object(
+            views,
+            table_height=self._table_height,
+            board_corners=self._board_corners,
+            box=self._options.object_box if any(self._options.object_box) else None,
+            point=self._options.object_point if any(self._options.object_point) else None,
+        )
+        self.warning = found.warning
+        self._masks = MaskTracker(views[0], found.mask, table_height=self._table_height)
+        seen = [_Seen(view=view, masks=self._masks.next(view)) for view in views]
+        rest = rest_object(views, [each.masks.object for each in seen], self._table_height, self._options)
+        self.rest = rest
+        reference = seen[rest.reference]
+        backward = _Follower(rest, reference, self._options)
+        before = [backward.next(each) for each in reversed(seen[: rest.reference])]
+        self._forward = _Follower(rest, reference, self._options)
+        at_rest = self._forward.at_rest(reference)
+        after = [self._forward.next(each) for each in seen[rest.reference + 1 :]]
+        self._waiting = []
+        return [*reversed(before), at_rest, *after]
+
+
+class _Follower:
+    """Surface, confidence and hand in one view after the other."""
+
+    def __init__(self, rest: RestObject, reference: _Seen, options: PerceptionOptions) -> None:
+        self._rest = rest
+        self._options = options
+        self._corners = rest.model.mesh.triangles[rest.feature_triangles]
+        self._surface = SurfaceTracker(rest, reference.view)
+        self._confidence = PointConfidence(self._points(rest.model.rest))
+        self._hand = HandPoints(options.controllers)
+
+    def at_rest(self, seen: _Seen) -> Observation:
+        """The reference view itself."""
+        everything = np.ones(len(self._corners), bool)
+        model = self._rest.model
+        state = SurfaceState(
+            positions=model.rest, sigma=np.zeros(len(model.rest)), seen=everything, grip=None, hand_motion=None
+        )
+        return self._observation(seen, state)
+
+    def next(self, seen: _Seen) -> Observation:
+        return self._observation(seen, self._surface.next(seen.view, seen.masks))
+
+    def _points(self, positions: np.ndarray) -> np.ndarray:
+        return np.einsum("nk,nkd->nd", self._rest.feature_weights, positions[self._corners])
+
+    def _observation(self, seen: _Seen, state: SurfaceState) -> Observation:
+        view, mesh = seen.view, self._rest.model.mesh
+        points = self._points(state.positions)
+        sigma = (self._rest.feature_weights * state.sigma[self._corners]).sum(axis=1)
+        confidence = self._confidence.next(points, sigma, state.seen)
+        projected = project(points, view.camera_matrix, view.world_from_camera)
+        vertices = project(state.positions[: len(mesh.pixels)], view.camera_matrix, view.world_from_camera)
+        depth = projected[:, 2]
+        return Observation(
+            view=view,
+            masks=seen.masks,
+            points=points,
+            confidence=np.where(
+                (depth >= self._options.nearest_m) & (depth <= self._options.farthest_m), confidence, 0.0
+            ),
+            pixels=projected[:, :2],
+            visible=state.seen,
+            mesh_pixels=np.where(vertices[:, 2:] > 0, vertices[:, :2], np.nan),
+            mesh_edges=mesh.edges,
+            hand_points=self._hand.next(view, seen.masks, state.positions, state.grip, state.hand_motion),
+            hand_motion=state.hand_motion,
+        )
+
+
+def board_outline(board: Board) -> np.ndarray:
+    """[4, 3] metres, frame world: corners of the sheet, a gap wider than the tags on every side."""
+    width, height = board.size
+    margin = board.gap
+    corners = np.array(
+        [
+            (-margin, -margin, 0.0, 1.0),
+            (width + margin, -margin, 0.0, 1.0),
+            (width + margin, height + margin, 0.0, 1.0),
+            (-margin, height + margin, 0.0, 1.0),
+        ]
+    )
+    return (corners @ board.world_from_board.T)[:, :3]

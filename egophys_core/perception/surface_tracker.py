@@ -1,0 +1,223 @@
+"""Follows a surface from view to view: predict, render, compare, solve."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from egophys_core.perception import feature_search, silhouette
+from egophys_core.perception.feature_search import Found
+from egophys_core.perception.grip import FEWEST_PIXELS, Grip, follow, hand_motion, take_hold
+from egophys_core.perception.options import ObjectKind
+from egophys_core.perception.patch_match import even_contrast
+from egophys_core.perception.rest_surface import RestObject
+from egophys_core.perception.stages import Masks, View
+from egophys_core.perception.surface_fit import FittedSurface, Sightings, fitter_of
+from egophys_core.perception.surface_render import project
+
+GRAVITY = 9.81
+SHEET_WEIGHT = 0.3
+"""Share of gravity in the prediction of sheets: what is not seen falls until its neighbours hold it. More of it sags
+between the places that are seen."""
+
+DAMPING = 0.9
+"""Share of the velocity that is predicted to remain."""
+
+MOTION_SIGMA_M = 0.010
+"""Metres a view: error of the prediction."""
+
+SMOOTHING = 0.7
+"""Weight of the newest displacement in the velocity."""
+
+LONGEST_STEP_S = 0.1
+"""Over a longer gap between views the motion is not extrapolated."""
+
+LEVELS = (2, 1)
+"""Pyramid levels of the search in each round of render, compare, solve."""
+
+ITERATIONS = 3
+"""Of the solver in each round."""
+
+HELD_SIGMA_PX, HELD_DOUBT_PX = 2.0, 15.0
+"""Pixels: of where the hand has carried a vertex."""
+
+OUTSIDE_SIGMA_PX, UNCOVERED_SIGMA_PX, OUTLINE_DOUBT_PX = 2.0, 4.0, 20.0
+"""Pixels: of vertices outside the outline, and of places inside it that nothing covers."""
+
+MISSED_PX = 2.0
+"""Pixels: a patch farther from its place in the solved surface was a wrong one."""
+
+MOVED_M = 0.0015
+"""Metres from rest from which on a vertex that is seen counts as moved."""
+
+FEWEST_MOVED = 5
+"""Vertices that must have moved before the hand is said to hold the object."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SurfaceState:
+    """The surface in one view."""
+
+    positions: np.ndarray
+    """[W, 3] metres, frame world."""
+    sigma: np.ndarray
+    """[W] metres: standard deviation of the points, given the view before."""
+    seen: np.ndarray
+    """[N] bool: features found in this view."""
+    grip: Grip | None
+    """What the hand holds."""
+    hand_motion: np.ndarray | None
+    """[2, 3] similarity of the hand in the image since the view before; None if it is not seen in both."""
+
+
+class SurfaceTracker:
+    """The surface in one view after the other, in either direction of time, from the reference view."""
+
+    def __init__(self, rest: RestObject, reference: View) -> None:
+        self._rest = rest
+        self._fitter = fitter_of(rest.model)
+        self._corners = rest.model.mesh.triangles[rest.feature_triangles]
+        self._positions = rest.model.rest
+        self._velocity = np.zeros_like(rest.model.rest)
+        self._stamp_ns = reference.stamp_ns
+        count = len(rest.feature_pixels)
+        self._evened = rest.texture
+        self._found = Found(
+            features=np.arange(count), pixels=rest.feature_pixels, sigma=np.ones(count), side=np.ones(count)
+        )
+        self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+        self._grey = cv2.cvtColor(reference.image, cv2.COLOR_BGR2GRAY)
+        self._hand = np.zeros(self._grey.shape, bool)
+        self._grip: Grip | None = None
+        self._has_gripped = False
+
+    def next(self, view: View, masks: Masks) -> SurfaceState:
+        """Solve for the surface in the next view.
+
+        Args:
+            view: its pose is known.
+            masks: of the view; empty ones leave the surface to the prediction.
+        """
+        evened = even_contrast(view.image)
+        motion = self._follow_hand(view, masks)
+        step_s = abs(view.stamp_ns - self._stamp_ns) * 1e-9
+        predicted = self._predicted(min(step_s, LONGEST_STEP_S))
+        carried = feature_search.follow(self._found, self._evened, evened, masks)
+        fitted, found = self._solve(view, masks, evened, predicted, predicted, carried, LEVELS[0])
+        for levels in LEVELS[1:]:
+            fitted, found = self._solve(view, masks, evened, predicted, fitted.positions, carried, levels)
+
+        right = fitted.residual[: len(found.features)] < MISSED_PX
+        wrong = found.features[~right]
+        self._found, self._evened = found.without(wrong), evened
+        if step_s > 0:
+            velocity = (fitted.positions - self._positions) / step_s
+            self._velocity = SMOOTHING * velocity + (1 - SMOOTHING) * self._velocity
+        self._positions, self._stamp_ns = fitted.positions, view.stamp_ns
+        seen = np.zeros(len(self._corners), bool)
+        seen[self._found.features] = True
+        self._take_hold(view, masks, seen)
+        return SurfaceState(
+            positions=fitted.positions, sigma=fitted.sigma, seen=seen, grip=self._grip, hand_motion=motion
+        )
+
+    def _predicted(self, step_s: float) -> np.ndarray:
+        predicted = self._positions + step_s * DAMPING * self._velocity
+        if self._rest.kind == ObjectKind.SHEET:
+            predicted[:, 2] -= SHEET_WEIGHT * GRAVITY * step_s**2
+        return predicted
+
+    def _solve(
+        self,
+        view: View,
+        masks: Masks,
+        evened: np.ndarray,
+        predicted: np.ndarray,
+        start: np.ndarray,
+        carried: Found,
+        levels: int,
+    ) -> tuple[FittedSurface, Found]:
+        """One round: render at the start, compare, solve. What is found stands first among the sightings."""
+        fitter = self._fitter
+        scene = feature_search.scene_of(self._rest, (fitter.skin(start, 1.0), fitter.skin(start, -1.0)), view)
+        rendered = feature_search.find_rendered(self._rest, scene, evened, masks, levels)
+        others = carried.without(rendered.features)
+        found = Found(
+            features=np.append(rendered.features, others.features),
+            pixels=np.vstack([rendered.pixels, others.pixels]),
+            sigma=np.append(rendered.sigma, others.sigma),
+            side=np.append(rendered.side, others.side),
+        )
+        seen = Sightings(
+            corners=self._corners[found.features],
+            weights=self._rest.feature_weights[found.features],
+            side=found.side,
+            pixels=found.pixels,
+            sigma=found.sigma,
+            doubt=2 * found.sigma,
+        )
+        vertices = project(start[: len(self._rest.model.mesh.pixels)], view.camera_matrix, view.world_from_camera)[
+            :, :2
+        ]
+        covered = scene.rendering.silhouette
+        parts = [seen, _outline(*silhouette.outliers(vertices, masks), OUTSIDE_SIGMA_PX)]
+        parts.append(_outline(*silhouette.uncovered(vertices, covered, masks), UNCOVERED_SIGMA_PX))
+        if self._grip is not None:
+            parts.append(_of_vertices(self._grip.vertices, self._grip.pixels, HELD_SIGMA_PX, HELD_DOUBT_PX))
+        sigma = np.full(len(start), MOTION_SIGMA_M)
+        return fitter.fit(view, _together(parts), predicted, sigma, ITERATIONS, start), found
+
+    def _follow_hand(self, view: View, masks: Masks) -> np.ndarray | None:
+        """The hand's motion since the view before; what it holds goes along."""
+        grey = cv2.cvtColor(view.image, cv2.COLOR_BGR2GRAY)
+        motion = None
+        if np.count_nonzero(masks.hand) >= FEWEST_PIXELS:
+            motion = hand_motion(self._grey, grey, self._hand, self._flow)
+        if self._grip is not None:
+            self._grip = None if motion is None else follow(self._grip, motion, masks.hand)
+        self._grey, self._hand = grey, masks.hand
+        return motion
+
+    def _take_hold(self, view: View, masks: Masks, seen: np.ndarray) -> None:
+        """The hand holds what it hides once the object moves."""
+        if self._has_gripped or not masks.hand.any():
+            return
+        model = self._rest.model
+        vertices = np.unique(self._corners[seen])
+        moved = np.linalg.norm(self._positions[vertices] - model.rest[vertices], axis=1) > MOVED_M
+        if np.count_nonzero(moved) >= FEWEST_MOVED:
+            places = project(self._positions[: len(model.mesh.pixels)], view.camera_matrix, view.world_from_camera)
+            skins = (self._fitter.skin(self._positions, 1.0), self._fitter.skin(self._positions, -1.0))
+            covered = feature_search.scene_of(self._rest, skins, view).rendering.silhouette
+            self._grip = take_hold(places, masks, covered, view.camera_matrix[0, 0])
+            self._has_gripped = self._grip is not None
+
+
+def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, doubt: float) -> Sightings:
+    """Sightings of vertices themselves, on the middle surface."""
+    count = len(vertices)
+    weights = np.zeros((count, 3))
+    weights[:, 0] = 1.0
+    return Sightings(
+        corners=np.repeat(vertices[:, None], 3, axis=1),
+        weights=weights,
+        side=np.zeros(count),
+        pixels=pixels,
+        sigma=np.full(count, sigma),
+        doubt=np.full(count, doubt),
+    )
+
+
+def _outline(vertices: np.ndarray, pixels: np.ndarray, sigma: float) -> Sightings:
+    return _of_vertices(vertices, pixels, sigma, OUTLINE_DOUBT_PX)
+
+
+def _together(parts: list[Sightings]) -> Sightings:
+    return Sightings(
+        corners=np.vstack([part.corners for part in parts]),
+        weights=np.vstack([part.weights for part in parts]),
+        side=np.concatenate([part.side for part in parts]),
+        pixels=np.vstack([part.pixels for part in parts]),
+        sigma=np.concatenate([part.sigma for part in parts]),
+        doubt=np.concatenate([part.doubt for part in parts]),
+    )

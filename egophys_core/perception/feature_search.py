@@ -21,7 +21,7 @@ PATCH_SIGMA_PX = 0.6
 FOLLOWED_SIGMA_PX = 1.0
 """Pixels: of one followed from the view before, which drifts."""
 
-LEAST_LIKENESS = 0.6
+LEAST_LIKENESS = 0.75
 """Correlation below which a patch is not the one searched."""
 
 LEAST_SURFACE = 0.6

@@ -59,6 +59,17 @@ def hand_motion(before: np.ndarray, after: np.ndarray, hand: np.ndarray, flow: c
     return motion
 
 
+def hand_width(hand: np.ndarray) -> float | None:
+    """Pixels: standard deviation of the pixels of a hand [S, S] across its long axis; None if it is cut or tiny."""
+    rows, columns = np.nonzero(hand)
+    if len(rows) < FEWEST_PIXELS:
+        return None
+    last = hand.shape[0] - 1
+    if min(rows.min(), columns.min()) == 0 or max(rows.max(), columns.max()) == last:
+        return None
+    return float(np.sqrt(np.linalg.eigvalsh(np.cov(np.stack([columns, rows])))[0]))
+
+
 def carried(pixels: np.ndarray, motion: np.ndarray) -> np.ndarray:
     """[N, 2] pixels after a similarity [2, 3]."""
     return pixels @ motion[:, :2].T + motion[:, 2]

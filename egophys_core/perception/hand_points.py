@@ -1,14 +1,15 @@
 """Points of the hand in space: its pixels near the grip, at the depth of what it holds.
 
-A hand has no texture to see its depth by, but where it holds the object the two are at one place.
+A hand has no texture to see its depth by, but where it holds the object the two touch: its middle is half its thickness
+nearer, and a finger or a fist is about as thick as it is wide.
 """
 
 import numpy as np
 
-from egophys_core.perception.grip import Grip, carried
+from egophys_core.perception.grip import carried
 from egophys_core.perception.parallax import rays_of_pixels
 from egophys_core.perception.stages import Masks, View
-from egophys_core.perception.surface_render import project
+from egophys_core.perception.surface_tracker import SurfaceState
 from egophys_core.perception.track_filter import farthest_points
 
 RADIUS_M = 0.025
@@ -21,42 +22,35 @@ class HandPoints:
     def __init__(self, count: int) -> None:
         self._count = count
         self._pixels: np.ndarray | None = None
-        self._depth = np.nan
+        self._half_px = np.nan
 
     @property
     def has_gripped(self) -> bool:
         """Whether the hand holds or has held the object."""
         return self._pixels is not None
 
-    def next(
-        self,
-        view: View,
-        masks: Masks,
-        positions: np.ndarray,
-        grip: Grip | None,
-        motion: np.ndarray | None,
-    ) -> np.ndarray:
+    def next(self, view: View, masks: Masks, state: SurfaceState) -> np.ndarray:
         """[C, 3] metres, frame world: NaN before the grip and while the hand is not seen.
 
         Args:
             view: its pose is known.
             masks: of the view.
-            positions: [W, 3] metres: the object's surface.
-            grip: what the hand holds.
-            motion: [2, 3] similarity of the hand since the view before; None if it is not seen in both.
+            state: of the object's surface and of the grip.
         """
-        if grip is not None:
-            held = project(positions[grip.vertices], view.camera_matrix, view.world_from_camera)
-            self._depth = float(np.median(held[:, 2]))
+        nothing = np.full((self._count, 3), np.nan)
         if self._pixels is None:
-            if grip is None:
-                return np.full((self._count, 3), np.nan)
-            self._pixels = _pixels_near(grip.pixels, masks.hand, self._depth, view, self._count)
-        elif motion is None:
-            return np.full((self._count, 3), np.nan)
+            if state.grip is None:
+                return nothing
+            self._pixels = _pixels_near(state.grip.pixels, masks.hand, state.hand_depth, view, self._count)
+        elif state.hand_motion is None:
+            return nothing
         else:
-            self._pixels = carried(self._pixels, motion)
-        return at_depth(self._pixels, self._depth, view)
+            self._pixels = carried(self._pixels, state.hand_motion)
+        if np.isfinite(state.hand_width):
+            # Pixels spread evenly over a width have its half, over the square root of three, as deviation.
+            self._half_px = np.sqrt(3) * state.hand_width
+        half = np.nan_to_num(self._half_px) * state.hand_depth / view.camera_matrix[0, 0]
+        return at_depth(self._pixels, state.hand_depth - half, view)
 
 
 def at_depth(pixels: np.ndarray, depth: float, view: View) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Frames of a live camera -> observations."""
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.board import Board
@@ -60,7 +61,8 @@ class LiveObserver:
             world_from_camera=self._square.from_raw_pose(raw_pose),
         )
         try:
-            observations = self._scene.add(view)
+            with threadpool_limits(1):
+                observations = self._scene.add(view)
         except EpisodeError as error:
             # Try again with the next second; the object may not have been in view yet.
             self._scene = SceneObserver(self._options, self._board)

@@ -36,6 +36,9 @@ class PerceptionOptions:
     controllers: int = number(30, low=1, high=500, doc="controller points taken from the hand (paper: 30)")
     object_points: int = number(1000, low=20, high=20000, doc="most object points in the episode, spread evenly")
     still_s: float = number(1.0, low=0.1, high=10.0, doc="time at the start in which the object is seen at rest, s")
+    camera_height_m: float = number(
+        0.6, low=0.05, high=10.0, doc="without a tag board: height of the camera over the table at first, metres"
+    )
     kind: ObjectKind = choice(ObjectKind.AUTO, doc="sheet, solid, or auto: by how flat it lies")  # noqa: RUF009
     completion: Completion = choice(  # noqa: RUF009
         Completion.SYMMETRIC, doc="hidden side of a solid: symmetric (the visible side turned about its middle), none"

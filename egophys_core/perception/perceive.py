@@ -1,14 +1,18 @@
 """Video -> Episode: the whole of perception, on a bag."""
 
+import dataclasses
+import warnings
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
+from egophys_core.perception.background_motion import background_poses
 from egophys_core.perception.board import Board
 from egophys_core.perception.board_pose import BoardPoseFinder, CameraPose, NoPose, doubt_intrinsics
 from egophys_core.perception.camera import FullView, SquareView, upright_turns
@@ -18,7 +22,7 @@ from egophys_core.perception.options import ObjectKind, PerceptionOptions
 from egophys_core.perception.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
 from egophys_core.perception.scene_observer import SceneObserver
 from egophys_core.perception.stages import View
-from egophys_core.perception.video import IMAGE_TOPIC, INFO_TOPIC, Video, open_video
+from egophys_core.perception.video import IMAGE_TOPIC, INFO_TOPIC, Video, VideoWarning, open_video
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +35,8 @@ class PerceptionReport:
     """Of them, views whose camera pose was found on the board."""
     pose_inferred: int
     """Views whose pose was interpolated over a short gap."""
+    scale_is_known: bool
+    """False without a tag board: lengths are then in units of an assumed height of the camera."""
     kind: str
     """`sheet` or `solid`."""
     thickness_m: float
@@ -84,14 +90,33 @@ def perceive(
         RecordingError: not a bag, or no images or camera info in it.
         EpisodeError: no pose of the camera, no object, or it never rests; the message says what to do.
     """
-    path = Path(path)
-    options = options or PerceptionOptions()
-    board = board or Board()
-    video = open_video(path, image_topic=image_topic, info_topic=info_topic)
-    tell = progress or (lambda stage, share: None)
-    camera = _find_poses(video, board, tell)
+    options, board = options or PerceptionOptions(), board or Board()
+    # The matrices are small: threads of the linear algebra wait for each other longer than they work.
+    with threadpool_limits(1), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", VideoWarning)
+        video = open_video(path, image_topic=image_topic, info_topic=info_topic)
+        perceived = _perceive(video, options, board, on_observation or _ignore, progress or _ignore)
+    for each in caught:
+        warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    said = dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, VideoWarning))
+    report = dataclasses.replace(perceived.report, notes=(*said, *perceived.report.notes))
+    return dataclasses.replace(perceived, report=report)
+
+
+def _ignore(*_: object) -> None:
+    """Nobody listens."""
+
+
+def _perceive(
+    video: Video,
+    options: PerceptionOptions,
+    board: Board,
+    on_observation: Callable[[Observation], None],
+    tell: Callable[[str, float], None],
+) -> Perceived:
+    camera = _find_poses(video, board, options, tell)
     square = SquareView(video.camera, turns=camera.turns, side=options.side)
-    scene = SceneObserver(options, board)
+    scene = SceneObserver(options, board if camera.scale_is_known else None)
     assembly: EpisodeAssembly | None = None
     hand_seen = 0
 
@@ -103,8 +128,7 @@ def perceive(
                 assembly = EpisodeAssembly(options=options, rest=scene.rest)
             assembly.add(observation)
             hand_seen += bool(observation.masks.hand.any())
-            if on_observation is not None:
-                on_observation(observation)
+            on_observation(observation)
 
     poses = dict(zip(camera.stamps_ns, camera.track.world_from_camera, strict=True))
     for index, frame in enumerate(video.frames()):
@@ -119,7 +143,9 @@ def perceive(
     take(scene.finish())
     assert assembly is not None
     assert scene.rest is not None
-    episode = assembly.episode(path.resolve().name, ground_height=0.0)
+    # A twin keeps the names of its episodes, so this tells whoever plans with it.
+    name = video.path.resolve().name + ("" if camera.scale_is_known else " (scale assumed)")
+    episode = assembly.episode(name, ground_height=0.0)
     report = _report(camera, scene, assembly, episode, hand_seen)
     return Perceived(episode=episode, start_ns=assembly.start_ns, report=report)
 
@@ -131,12 +157,14 @@ class _CameraPath:
     stamps_ns: list[int]
     track: PoseTrack
     turns: int
-    reasons: Counter[str]
-    """Why frames have no pose, with how often."""
-    doubt: str | None
+    scale_is_known: bool
+    notes: tuple[str, ...]
 
 
-def _find_poses(video: Video, board: Board, tell: Callable[[str, float], None]) -> _CameraPath:
+def _find_poses(
+    video: Video, board: Board, options: PerceptionOptions, tell: Callable[[str, float], None]
+) -> _CameraPath:
+    """Poses from the tag board, or, if it is seen in no frame, from the table."""
     full = FullView(video.camera)
     finder = BoardPoseFinder(board, full.matrix)
     poses: list[CameraPose | NoPose] = []
@@ -154,17 +182,48 @@ def _find_poses(video: Video, board: Board, tell: Callable[[str, float], None]) 
     found = [pose for pose in poses if isinstance(pose, CameraPose)]
     reasons = Counter(pose.reason for pose in poses if isinstance(pose, NoPose))
     if not found:
-        usual = reasons.most_common(1)[0][0] if reasons else "there are no frames"
-        raise EpisodeError(
-            f"{video.path.name}: the camera's pose is known in none of {len(poses)} frames: {usual}. Put a tag board "
-            "on the table (`egophys board` prints one) and keep it in view, or give its layout if it is another one"
+        return _poses_from_table(video, full, stamps_ns, reasons, options)
+    track = track_poses(stamps_ns, poses)
+    inferred, lost = int(track.inferred.sum()), int((~track.known).sum())
+    notes = [note for note in (doubt_intrinsics(found),) if note]
+    if inferred or lost:
+        notes.append(
+            f"camera pose: {inferred} of {len(poses)} interpolated over gaps of at most {LONGEST_FILLED_GAP_S} s, "
+            f"{lost} missing, whose frames are left out (most often: {reasons.most_common(1)[0][0]})"
         )
     return _CameraPath(
         stamps_ns=stamps_ns,
-        track=track_poses(stamps_ns, poses),
+        track=track,
         turns=upright_turns(full.to_raw_pose(found[0].world_from_camera)),
-        reasons=reasons,
-        doubt=doubt_intrinsics(found),
+        scale_is_known=True,
+        notes=tuple(notes),
+    )
+
+
+def _poses_from_table(
+    video: Video, full: FullView, stamps_ns: list[int], reasons: Counter[str], options: PerceptionOptions
+) -> _CameraPath:
+    """Poses up to scale from the texture of the table."""
+    usual = reasons.most_common(1)[0][0] if reasons else "there are no frames"
+    frames = ((frame.stamp_ns, full.image(frame.image)) for frame in video.frames())
+    try:
+        background = background_poses(frames, full.matrix, height_m=options.camera_height_m)
+    except EpisodeError as error:
+        raise EpisodeError(
+            f"{video.path.name}: no tag board is seen in any of {len(stamps_ns)} frames ({usual}), and the camera's "
+            f"motion does not follow from the table either: {error}. Put a tag board on the table (`egophys board` "
+            "prints one) and keep it in view, or give its layout if it is another one"
+        ) from error
+    known = background.known
+    first = background.world_from_camera[int(np.argmax(known))]
+    return _CameraPath(
+        stamps_ns=stamps_ns,
+        track=PoseTrack(
+            world_from_camera=background.world_from_camera, inferred=np.zeros(len(known), bool), known=known
+        ),
+        turns=upright_turns(full.to_raw_pose(first)),
+        scale_is_known=False,
+        notes=(f"no tag board is seen ({usual}): {background.note}",),
     )
 
 
@@ -174,16 +233,8 @@ def _report(
     assert scene.rest is not None
     rest, track = scene.rest, camera.track
     posed = int(np.count_nonzero(track.known & ~track.inferred))
-    notes = [note for note in (scene.warning, rest.note, camera.doubt) if note]
-    lost = len(track.known) - int(np.count_nonzero(track.known))
-    inferred = int(np.count_nonzero(track.inferred))
-    if inferred or lost:
-        usual = camera.reasons.most_common(1)[0][0]
-        notes.append(
-            f"camera pose: {inferred} of {len(track.known)} interpolated over gaps of at most "
-            f"{LONGEST_FILLED_GAP_S} s, {lost} missing, whose frames are left out (most often: {usual})"
-        )
-    left_out = len(track.known) - lost - episode.frames
+    notes = [*camera.notes, *(note for note in (scene.warning, rest.note) if note)]
+    left_out = int(np.count_nonzero(track.known)) - episode.frames
     if left_out:
         notes.append(f"{left_out} black frame(s) left out")
     if hand_seen == 0:
@@ -195,7 +246,8 @@ def _report(
     return PerceptionReport(
         frames=len(track.known),
         posed=posed,
-        pose_inferred=inferred,
+        pose_inferred=int(np.count_nonzero(track.inferred)),
+        scale_is_known=camera.scale_is_known,
         kind=str(rest.kind),
         thickness_m=rest.model.thickness,
         tracked=episode.points.shape[1],

@@ -88,8 +88,8 @@ def rest_object(
     for first in range(0, max(len(views) - STILL_VIEWS, 0) + 1, STEP):
         if masks[first].any():
             trial = _try(views, evened, masks[first], first, options)
-            miss = float(np.nanmedian(trial.solve(STILL_VIEWS, table_height).residual[1:]))
-            trials.append((miss if np.isfinite(miss) else np.inf, trial))
+            miss = _median_miss(trial.solve(STILL_VIEWS, table_height))
+            trials.append((miss, trial))
             if miss < STILL_PX:
                 break
     if not trials:
@@ -99,7 +99,12 @@ def rest_object(
     moved = np.flatnonzero(~(trial.solve(len(trial.views), table_height).residual < max(STILL_PX, 1.5 * miss)))
     count = max(int(moved[moved >= STILL_VIEWS].min(initial=len(trial.views))), 2)
     note = ""
-    if miss > MOVES_PX:
+    if not np.isfinite(miss):
+        note = (
+            "the object has no texture that can be followed: its depth is a guess from the table and its outline; "
+            "put marks on it or use learned models"
+        )
+    elif miss > MOVES_PX:
         note = (
             f"the object never lies still in the first {len(views)} views (median miss {miss:.1f} px): its rest shape "
             "is uncertain; film it for a second before it is touched"
@@ -198,10 +203,16 @@ def _object_of(
         feature_triangles=trial.triangles,
         feature_weights=trial.weights,
         texture=trial.texture,
-        residual_px=float(np.nanmedian(rest.residual[1:])),
+        residual_px=_median_miss(rest),
         depth_sigma_m=float(np.median(rest.depth_sigma)),
         note=note,
     )
+
+
+def _median_miss(rest: RestSurface) -> float:
+    """Pixels: over the views after the first; infinite if nothing was tracked in any."""
+    known = rest.residual[1:][np.isfinite(rest.residual[1:])]
+    return float(np.median(known)) if len(known) else float("inf")
 
 
 def _at_height(trial: _Trial, height: float) -> np.ndarray:

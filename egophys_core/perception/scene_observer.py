@@ -123,7 +123,13 @@ class _Follower:
         everything = np.ones(len(self._corners), bool)
         model = self._rest.model
         state = SurfaceState(
-            positions=model.rest, sigma=np.zeros(len(model.rest)), seen=everything, grip=None, hand_motion=None
+            positions=model.rest,
+            sigma=np.zeros(len(model.rest)),
+            seen=everything,
+            grip=None,
+            hand_motion=None,
+            hand_depth=np.nan,
+            hand_width=np.nan,
         )
         return self._observation(seen, state)
 
@@ -152,7 +158,7 @@ class _Follower:
             visible=state.seen,
             mesh_pixels=np.where(vertices[:, 2:] > 0, vertices[:, :2], np.nan),
             mesh_edges=mesh.edges,
-            hand_points=self._hand.next(view, seen.masks, state.positions, state.grip, state.hand_motion),
+            hand_points=self._hand.next(view, seen.masks, state),
             hand_motion=state.hand_motion,
         )
 

@@ -27,7 +27,8 @@ def outliers(vertices: np.ndarray, masks: Masks) -> tuple[np.ndarray, np.ndarray
         [K] int indices of vertices, and [K, 2] pixels.
     """
     allowed = masks.object | masks.hand
-    if not allowed.any():
+    # With no object in sight the hand hides it, wherever it is: its outline says nothing.
+    if not masks.object.any():
         return np.zeros(0, int), np.zeros((0, 2))
     distance, labels = cv2.distanceTransformWithLabels(
         (~allowed).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL

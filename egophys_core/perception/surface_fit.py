@@ -13,11 +13,13 @@ What is minimised over the points X [W, 3], each term over its standard deviatio
 The places that are seen lie on the skin, half a thickness off the middle surface that the vertices stand for.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface_mesh import SurfaceMesh, hinge_gaps, vertex_normals
@@ -37,6 +39,9 @@ ON_TABLE_M = 0.004
 
 CREASE = 3.0
 """Standard deviations of bending from which on a hinge is rather a crease."""
+
+FAR = 8.0
+"""Standard deviations of a distance from which on it is rather wrong."""
 
 SAMPLES = 12
 """Of the posterior; they give standard deviations to within 12 %."""
@@ -84,6 +89,18 @@ class Sightings:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Distances:
+    """Depths of vertices along the optical axis of a view."""
+
+    vertices: np.ndarray
+    """[H] int."""
+    depth: float
+    """Metres."""
+    sigma: float
+    """Metres; `FAR` times as far off, the depth is rather taken for wrong."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class FittedSurface:
     """Vertices in one view."""
 
@@ -108,6 +125,10 @@ class SurfaceFitter:
     """[E] metres."""
     is_resting: np.ndarray
     """[W] bool: what lay on the table at rest."""
+    place: np.ndarray
+    """[3 W] int: where each coordinate stands in the order that keeps neighbours near each other."""
+    bandwidth: int
+    """Farthest that two coupled coordinates stand apart in it."""
 
     def fit(
         self,
@@ -117,6 +138,7 @@ class SurfaceFitter:
         motion_sigma: np.ndarray,
         iterations: int,
         start: np.ndarray,
+        distances: Distances | None = None,
     ) -> FittedSurface:
         """Minimise, and estimate how sure the result is.
 
@@ -130,18 +152,19 @@ class SurfaceFitter:
             motion_sigma: [W] metres, of the prediction.
             iterations: of Gauss-Newton.
             start: [W, 3] metres: where the search begins.
+            distances: of vertices whose depth is known in another way.
         """
         positions = start
         for _ in range(iterations):
-            jacobian, misses, diagonal, gradient = self._system(view, sightings, positions, predicted, motion_sigma)
-            matrix = (jacobian.T @ jacobian + sparse.diags(diagonal.ravel())).tocsc()
-            solver = splu(matrix, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
-            step = solver.solve(jacobian.T @ misses + gradient.ravel())
-            positions = positions - step.reshape(-1, 3)
+            jacobian, misses, diagonal, gradient = self._system(
+                view, sightings, distances, positions, predicted, motion_sigma
+            )
+            solve = self._factorised(jacobian.T @ jacobian + sparse.diags(diagonal.ravel()))
+            positions = positions - solve(jacobian.T @ misses + gradient.ravel()).reshape(-1, 3)
         random = np.random.default_rng(0)
         noise = jacobian.T @ random.standard_normal((len(misses), SAMPLES))
         noise += np.sqrt(diagonal).reshape(-1, 1) * random.standard_normal((diagonal.size, SAMPLES))
-        spread = solver.solve(noise).reshape(-1, 3, SAMPLES)
+        spread = solve(noise).reshape(-1, 3, SAMPLES)
         return FittedSurface(
             positions=positions,
             sigma=np.sqrt((spread**2).mean(axis=2).sum(axis=1)),
@@ -149,15 +172,23 @@ class SurfaceFitter:
         )
 
     def _system(
-        self, view: View, sightings: Sightings, positions: np.ndarray, predicted: np.ndarray, motion_sigma: np.ndarray
+        self,
+        view: View,
+        sightings: Sightings,
+        distances: Distances | None,
+        positions: np.ndarray,
+        predicted: np.ndarray,
+        motion_sigma: np.ndarray,
     ) -> tuple[sparse.csr_matrix, np.ndarray, np.ndarray, np.ndarray]:
         """Derivatives and misses over their deviations; information [W, 3] and gradient [W, 3] of motion and table."""
-        blocks, misses = zip(
+        rows = [
             self._sighting_rows(view, sightings, positions),
             self._length_rows(positions),
             self._bending_rows(positions),
-            strict=True,
-        )
+        ]
+        if distances is not None:
+            rows.append(_distance_rows(view, distances, positions))
+        blocks, misses = zip(*rows, strict=True)
         diagonal = np.repeat(1 / motion_sigma[:, None] ** 2, 3, axis=1)
         gradient = diagonal * (positions - predicted)
         height = positions[:, 2] - self.model.lowest
@@ -167,6 +198,22 @@ class SurfaceFitter:
         diagonal[:, 2] += table
         gradient[:, 2] += table * height
         return sparse.vstack(blocks, format="csr"), np.concatenate(misses), diagonal, gradient
+
+    def _factorised(self, matrix: sparse.spmatrix) -> Callable[[np.ndarray], np.ndarray]:
+        """Solver for right-hand sides [3 W] or [3 W, K]: Cholesky within the band that the order of points leaves."""
+        entries = matrix.tocoo()
+        row, column = self.place[entries.row], self.place[entries.col]
+        lower = row >= column
+        band = np.zeros((self.bandwidth + 1, matrix.shape[0]))
+        band[(row - column)[lower], column[lower]] = entries.data[lower]
+        factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
+
+        def solve(right: np.ndarray) -> np.ndarray:
+            ordered = np.empty_like(right)
+            ordered[self.place] = right
+            return np.asarray(cho_solve_banded((factor, True), ordered, check_finite=False)[self.place])
+
+        return solve
 
     def _sighting_rows(
         self, view: View, sightings: Sightings, positions: np.ndarray
@@ -236,19 +283,46 @@ class SurfaceFitter:
         return positions - side * self.model.thickness / 2 * normals
 
 
+def _distance_rows(view: View, distances: Distances, positions: np.ndarray) -> tuple[sparse.csr_matrix, np.ndarray]:
+    axis = view.world_from_camera[:3, 2]
+    vertices = distances.vertices
+    miss = (positions[vertices] - view.world_from_camera[:3, 3]) @ axis - distances.depth
+    scale = 1 / (distances.sigma * np.sqrt(1 + (miss / (FAR * distances.sigma)) ** 2))
+    columns = (3 * vertices[:, None] + np.arange(3)).ravel()
+    values = (scale[:, None] * axis).ravel()
+    shape = (len(vertices), positions.size)
+    return sparse.csr_matrix((values, (np.repeat(np.arange(len(vertices)), 3), columns)), shape=shape), scale * miss
+
+
 def fitter_of(model: SurfaceModel) -> SurfaceFitter:
     """Prepare what stays the same over all views."""
     mesh = model.mesh
     gaps = hinge_gaps(mesh.hinges, model.rest)
     normals = _hinge_normals(mesh.hinges, model.rest)
     one, other = model.links.T
+    place, bandwidth = _order(model)
     return SurfaceFitter(
         model=model,
         gaps=sparse.kron(gaps, sparse.identity(3), format="csr"),
         rest_gap=((gaps @ model.rest) * normals).sum(axis=1),
         rest_length=np.linalg.norm(model.rest[other] - model.rest[one], axis=1),
         is_resting=model.rest[:, 2] < model.lowest + ON_TABLE_M,
+        place=place,
+        bandwidth=bandwidth,
     )
+
+
+def _order(model: SurfaceModel) -> tuple[np.ndarray, int]:
+    """Place of each coordinate when points are ordered by reverse Cuthill-McKee, and the bandwidth that leaves."""
+    hinges = model.mesh.hinges
+    pairs = np.vstack([model.links, *(hinges[:, [i, j]] for i in range(4) for j in range(i))])
+    size = len(model.rest)
+    coupled = sparse.csr_matrix((np.ones(len(pairs)), pairs.T), shape=(size, size))
+    order = reverse_cuthill_mckee((coupled + coupled.T).tocsr(), symmetric_mode=True)
+    rank = np.empty(size, int)
+    rank[order] = np.arange(size)
+    farthest = int(np.abs(rank[pairs[:, 0]] - rank[pairs[:, 1]]).max(initial=0))
+    return (3 * rank[:, None] + np.arange(3)).ravel(), 3 * farthest + 2
 
 
 def _hinge_normals(hinges: np.ndarray, positions: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from scipy import sparse
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, QhullError
 
 from egophys_core.errors import EpisodeError
 
@@ -41,23 +41,32 @@ def mesh_of_mask(mask: np.ndarray, spacing: float) -> SurfaceMesh:
     inside = _hexagonal_grid(mask, spacing)
     pixels = np.vstack([contour, inside])
     if len(pixels) < FEWEST_VERTICES:
-        raise EpisodeError(
-            f"the object covers {int(mask.sum())} pixels of the first view, too few for a surface; "
-            "film it from nearer, or give a box around it"
-        )
-    triangles = Delaunay(pixels).simplices
+        raise _too_small(mask)
+    try:
+        triangles = Delaunay(pixels).simplices
+    except QhullError:
+        raise _too_small(mask) from None
     centres = pixels[triangles].mean(axis=1)
     corners = pixels[triangles]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     columns, rows = np.rint(centres).astype(int).T
     triangles = triangles[mask[rows, columns] & (longest < 2.5 * spacing)]
     triangles = _turn_alike(pixels, triangles)
+    if not len(triangles):
+        raise _too_small(mask)
     used = np.unique(triangles)
     renumbered = np.full(len(pixels), -1)
     renumbered[used] = np.arange(len(used))
     pixels, triangles = pixels[used], renumbered[triangles]
     edges, hinges = _edges_and_hinges(triangles)
     return SurfaceMesh(pixels=pixels, triangles=triangles, edges=edges, hinges=hinges)
+
+
+def _too_small(mask: np.ndarray) -> EpisodeError:
+    return EpisodeError(
+        f"the object covers {int(mask.sum())} pixels of the first view, too few or too thin for a surface; "
+        "film it from nearer, or give a box around it"
+    )
 
 
 def locate(mesh: SurfaceMesh, pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

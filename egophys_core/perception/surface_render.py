@@ -65,16 +65,16 @@ def render(mesh: SurfaceMesh, corners: np.ndarray, size: tuple[int, ...]) -> Ren
     painted = np.full(size, NO_TRIANGLE, np.int32)
     order = np.flatnonzero(usable)
     order = order[np.argsort(-depth[order].mean(axis=1))]
-    fixed = np.rint(flat * 16).astype(np.int32)  # four fractional bits
-    for index in order.tolist():
-        cv2.fillConvexPoly(painted, fixed[index], index, shift=4)
+    fixed = np.rint(flat[order] * 16).astype(np.int32)  # four fractional bits
+    for index, corner in zip(order.tolist(), fixed, strict=True):
+        cv2.fillConvexPoly(painted, corner, index, shift=4)
     source = np.full((*size, 2), np.nan, np.float32)
     rows, columns = np.nonzero(painted >= 0)
     if len(rows):
         shown = painted[rows, columns]
         weights = barycentric(flat[shown], np.column_stack([columns, rows]))
-        # The outline is painted a fraction of a pixel wide of the triangle.
-        weights = np.clip(weights, 0, 1)
+        # Pixels are painted up to a fraction of one wide of the triangle; its texture goes on a little.
+        weights = np.clip(weights, -0.25, 1.25)
         weights /= weights.sum(axis=1, keepdims=True)
         source[rows, columns] = np.einsum("nk,nkd->nd", weights, mesh.pixels[mesh.triangles[shown]])
     return Rendering(triangle=painted, source=source)

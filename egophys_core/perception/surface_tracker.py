@@ -7,12 +7,12 @@ import numpy as np
 
 from egophys_core.perception import feature_search, silhouette
 from egophys_core.perception.feature_search import Found
-from egophys_core.perception.grip import FEWEST_PIXELS, Grip, follow, hand_motion, take_hold
+from egophys_core.perception.grip import FEWEST_PIXELS, Grip, follow, hand_motion, hand_width, take_hold
 from egophys_core.perception.options import ObjectKind
 from egophys_core.perception.patch_match import even_contrast
 from egophys_core.perception.rest_surface import RestObject
 from egophys_core.perception.stages import Masks, View
-from egophys_core.perception.surface_fit import FittedSurface, Sightings, fitter_of
+from egophys_core.perception.surface_fit import Distances, FittedSurface, Sightings, fitter_of
 from egophys_core.perception.surface_render import project
 
 GRAVITY = 9.81
@@ -23,7 +23,7 @@ between the places that are seen."""
 DAMPING = 0.9
 """Share of the velocity that is predicted to remain."""
 
-MOTION_SIGMA_M = 0.010
+MOTION_SIGMA_M = 0.020
 """Metres a view: error of the prediction."""
 
 SMOOTHING = 0.7
@@ -40,6 +40,13 @@ ITERATIONS = 3
 
 HELD_SIGMA_PX, HELD_DOUBT_PX = 2.0, 15.0
 """Pixels: of where the hand has carried a vertex."""
+
+HAND_DEPTH_SHARE = 0.015
+"""Of the distance: error of a depth that is told by the width of the hand. Widths are good to 3 %, but the few vertices
+that are held must move the many that hang on them."""
+
+WIDTHS = 5
+"""Views over which the median of the hand's width is taken."""
 
 OUTSIDE_SIGMA_PX, UNCOVERED_SIGMA_PX, OUTLINE_DOUBT_PX = 2.0, 4.0, 20.0
 """Pixels: of vertices outside the outline, and of places inside it that nothing covers."""
@@ -68,6 +75,10 @@ class SurfaceState:
     """What the hand holds."""
     hand_motion: np.ndarray | None
     """[2, 3] similarity of the hand in the image since the view before; None if it is not seen in both."""
+    hand_depth: float
+    """Metres: depth at which the hand touches the object; NaN before it does."""
+    hand_width: float
+    """Pixels: standard deviation across the hand; NaN if it is not seen whole."""
 
 
 class SurfaceTracker:
@@ -90,6 +101,8 @@ class SurfaceTracker:
         self._hand = np.zeros(self._grey.shape, bool)
         self._grip: Grip | None = None
         self._has_gripped = False
+        self._widths: list[float] = []
+        self._width_times_depth = np.nan
 
     def next(self, view: View, masks: Masks) -> SurfaceState:
         """Solve for the surface in the next view.
@@ -103,9 +116,10 @@ class SurfaceTracker:
         step_s = abs(view.stamp_ns - self._stamp_ns) * 1e-9
         predicted = self._predicted(min(step_s, LONGEST_STEP_S))
         carried = feature_search.follow(self._found, self._evened, evened, masks)
-        fitted, found = self._solve(view, masks, evened, predicted, predicted, carried, LEVELS[0])
+        distances = self._held_depth()
+        fitted, found = self._solve(view, masks, evened, predicted, predicted, carried, distances, LEVELS[0])
         for levels in LEVELS[1:]:
-            fitted, found = self._solve(view, masks, evened, predicted, fitted.positions, carried, levels)
+            fitted, found = self._solve(view, masks, evened, predicted, fitted.positions, carried, distances, levels)
 
         right = fitted.residual[: len(found.features)] < MISSED_PX
         wrong = found.features[~right]
@@ -118,7 +132,13 @@ class SurfaceTracker:
         seen[self._found.features] = True
         self._take_hold(view, masks, seen)
         return SurfaceState(
-            positions=fitted.positions, sigma=fitted.sigma, seen=seen, grip=self._grip, hand_motion=motion
+            positions=fitted.positions,
+            sigma=fitted.sigma,
+            seen=seen,
+            grip=self._grip,
+            hand_motion=motion,
+            hand_depth=self._hand_depth(view),
+            hand_width=float(np.median(self._widths)) if self._widths else np.nan,
         )
 
     def _predicted(self, step_s: float) -> np.ndarray:
@@ -135,6 +155,7 @@ class SurfaceTracker:
         predicted: np.ndarray,
         start: np.ndarray,
         carried: Found,
+        distances: Distances | None,
         levels: int,
     ) -> tuple[FittedSurface, Found]:
         """One round: render at the start, compare, solve. What is found stands first among the sightings."""
@@ -165,7 +186,7 @@ class SurfaceTracker:
         if self._grip is not None:
             parts.append(_of_vertices(self._grip.vertices, self._grip.pixels, HELD_SIGMA_PX, HELD_DOUBT_PX))
         sigma = np.full(len(start), MOTION_SIGMA_M)
-        return fitter.fit(view, _together(parts), predicted, sigma, ITERATIONS, start), found
+        return fitter.fit(view, _together(parts), predicted, sigma, ITERATIONS, start, distances), found
 
     def _follow_hand(self, view: View, masks: Masks) -> np.ndarray | None:
         """The hand's motion since the view before; what it holds goes along."""
@@ -176,7 +197,23 @@ class SurfaceTracker:
         if self._grip is not None:
             self._grip = None if motion is None else follow(self._grip, motion, masks.hand)
         self._grey, self._hand = grey, masks.hand
+        width = hand_width(masks.hand)
+        if width is not None:
+            self._widths = [*self._widths[1 - WIDTHS :], width]
         return motion
+
+    def _held_depth(self) -> Distances | None:
+        """Depth of what the hand holds, by the hand's width."""
+        if self._grip is None or not self._widths or not np.isfinite(self._width_times_depth):
+            return None
+        depth = self._width_times_depth / float(np.median(self._widths))
+        return Distances(vertices=self._grip.vertices, depth=depth, sigma=HAND_DEPTH_SHARE * depth)
+
+    def _hand_depth(self, view: View) -> float:
+        if self._grip is not None:
+            held = project(self._positions[self._grip.vertices], view.camera_matrix, view.world_from_camera)
+            return float(np.median(held[:, 2]))
+        return self._width_times_depth / float(np.median(self._widths)) if self._widths else np.nan
 
     def _take_hold(self, view: View, masks: Masks, seen: np.ndarray) -> None:
         """The hand holds what it hides once the object moves."""
@@ -191,6 +228,8 @@ class SurfaceTracker:
             covered = feature_search.scene_of(self._rest, skins, view).rendering.silhouette
             self._grip = take_hold(places, masks, covered, view.camera_matrix[0, 0])
             self._has_gripped = self._grip is not None
+            if self._widths:
+                self._width_times_depth = float(np.median(self._widths)) * self._hand_depth(view)
 
 
 def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, doubt: float) -> Sightings:

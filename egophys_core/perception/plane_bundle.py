@@ -1,0 +1,240 @@
+"""Camera poses over a plane, from where its points are seen: the tilt of the first camera, then all poses together."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+_LEAST_SIGMA = 0.05
+"""Pixels: no match is better."""
+_CORRELATION = 100.0
+"""By how much errors that are alike raise the variance: those of a keyframe's points are the same in all frames;
+measured, docs/notes/background_motion.md."""
+_TILT_FLOOR = 1e-3
+"""Radians: no table is flatter and no lens calibrated better than this."""
+_NORMALS = 8000
+_LEAST_SLANT = 0.02
+"""Sine of the angle between the plane and the directions in which it is seen."""
+_DAMPING = 1e-3
+"""Radians squared inverse: keeps the tilt where it is when nothing is seen of it."""
+_SETTLED = 1e-7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """Points of the plane seen in two frames."""
+
+    source: int
+    target: int
+    """Indices of poses."""
+    points: np.ndarray
+    """[N] int: names of the points, for the caller."""
+    rays: np.ndarray
+    """[N, 3] directions in the source's camera, z = 1."""
+    flat: np.ndarray
+    """[N, 2] x / z and y / z in the target's camera."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bundle:
+    """Poses that fit the links best."""
+
+    poses: np.ndarray
+    """[T, 4, 4] world from camera."""
+    misses: list[np.ndarray]
+    """Per link [N], pixels: distance of seen and projected."""
+    cost: float
+    """Robust mean square, pixels squared."""
+    tilt_sigma: float
+    """Radians: standard deviation of the direction of the plane's normal, in its worst direction."""
+
+
+def camera_over_plane(up: np.ndarray, height: float) -> np.ndarray:
+    """[4, 4] world from camera, above the world's origin, the world's x towards the camera's right.
+
+    Args:
+        up: [3] unit normal of the plane in the camera frame, towards the camera.
+        height: of the camera over the plane, any length unit.
+    """
+    right = np.array([1.0, 0, 0]) - up[0] * up
+    if np.linalg.norm(right) < 1e-3:
+        right = np.array([0, -1.0, 0]) + up[1] * up
+    right /= np.linalg.norm(right)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([right, np.cross(up, right), up])
+    pose[2, 3] = height
+    return pose
+
+
+def plane_normals(moves: np.ndarray, rays: np.ndarray, count: int = 3) -> np.ndarray:
+    """[K, 3] unit normals, towards the camera, that explain plane-induced homographies, likeliest first.
+
+    A homography between calibrated views of a plane, M = R + t n' / d, maps directions in the plane by a similarity:
+    |M x| = |M y| and M x . M y = 0 for any orthonormal x, y across n. One view leaves two answers (Faugeras and
+    Lustman 1988); views from elsewhere leave one. Normals are compared on a grid of about 2
+    degrees.
+
+    Args:
+        moves: [T, 3, 3] to each view from the first, calibrated, of any scale.
+        rays: [N, 3] directions in the first view in which the plane is seen.
+        count: K, how many at least 20 degrees apart.
+    """
+    grid = _sphere(_NORMALS)
+    grid = grid[(grid @ (rays / np.linalg.norm(rays, axis=1)[:, None]).T < -_LEAST_SLANT).mean(axis=1) > 0.98]
+    across = np.cross(grid, np.eye(3)[np.abs(grid).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1)[:, None]
+    along = np.cross(grid, across)
+    cost = np.zeros(len(grid))
+    for move in moves:
+        x, y = across @ move.T, along @ move.T
+        xx, yy, xy = (x * x).sum(axis=1), (y * y).sum(axis=1), (x * y).sum(axis=1)
+        cost += ((xx - yy) ** 2 + 4 * xy**2) / (xx + yy) ** 2
+    found: list[np.ndarray] = []
+    for index in np.argsort(cost):
+        if all(grid[index] @ other < np.cos(np.radians(20)) for other in found):
+            found.append(grid[index])
+        if len(found) == count:
+            break
+    return np.array(found).reshape(-1, 3)
+
+
+def pose_from_move(move: np.ndarray, first: np.ndarray) -> np.ndarray:
+    """[4, 4] world from camera of a view, from its calibrated homography [3, 3] and the first view's pose [4, 4]."""
+    from_world = np.linalg.inv(first)
+    columns = move @ from_world[:3, [0, 1, 3]]
+    columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
+    left, _, right = np.linalg.svd(np.column_stack([columns[:, :2], np.cross(columns[:, 0], columns[:, 1])]))
+    rotation = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    pose = np.eye(4)
+    pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ columns[:, 2]
+    return pose
+
+
+def adjust(poses: np.ndarray, first: int, links: list[Link], focal: float, iterations: int = 20) -> Bundle:
+    """Least squares over all poses, robust (Cauchy), with points on z = 0 given by the link's source.
+
+    Of the first pose only the tilt is free: place, scale and heading of the world are its own.
+
+    Args:
+        poses: [T, 4, 4] world from camera, nearly right; those without links stay.
+        first: index of the first pose.
+        links: between poses.
+        focal: pixels, to weigh and to report.
+        iterations: at most.
+    """
+    poses = poses.copy()
+    free = np.zeros((len(poses), 6), bool)
+    free[[link.source for link in links] + [link.target for link in links]] = True
+    free[first] = [False, False, False, True, True, False]
+    numbers = np.flatnonzero(free)
+    scale = np.where(free, 1.0, 0.0).reshape(-1)
+    height = abs(poses[first, 2, 3])
+    step = np.inf
+    for _ in range(iterations):
+        terms = [_linearise(link, poses, focal) for link in links]
+        sigma = _spread(terms)
+        information, gradient = _normal_equations(links, terms, sigma, len(poses))
+        kept = information[numbers][:, numbers] + sparse.diags(_damping(free, height)[numbers])
+        change = np.zeros(free.size)
+        solver = splu(kept.tocsc())
+        change[numbers] = -solver.solve(gradient[numbers])
+        step = float(np.abs(change * scale).max())
+        change = change.reshape(-1, 6) * min(1.0, 0.3 / max(step, 1e-12))
+        for index in np.flatnonzero(free.any(axis=1)):
+            poses[index, :3, 3] += change[index, :3]
+            poses[index, :3, :3] = _turn(change[index, 3:]) @ poses[index, :3, :3]
+        if step < _SETTLED:
+            break
+    terms = [_linearise(link, poses, focal) for link in links]
+    tilt = np.searchsorted(numbers, 6 * first + np.array([3, 4]))
+    unit = np.zeros((len(numbers), 2))
+    unit[tilt, [0, 1]] = 1
+    covariance = _CORRELATION * solver.solve(unit)[tilt]
+    square = np.concatenate([(miss**2).sum(axis=1) for miss, _, _ in terms])
+    return Bundle(
+        poses=poses,
+        misses=[np.linalg.norm(miss, axis=1) for miss, _, _ in terms],
+        cost=float(np.log1p(square).mean()),
+        tilt_sigma=float(np.hypot(np.sqrt(max(np.linalg.eigvalsh(covariance).max(), 0)), _TILT_FLOOR)),
+    )
+
+
+def _linearise(link: Link, poses: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Misses [N, 2] in pixels, and their derivatives [N, 2, 6] by the pose of the source and of the target.
+
+    A pose changes by a shift of the camera and a turn about it, both in the world.
+    """
+    source, target = poses[link.source], poses[link.target]
+    rays = link.rays @ source[:3, :3].T
+    falls = np.minimum(rays[:, 2], -1e-3)
+    lengths = -source[2, 3] / falls
+    places = source[:3, 3] + rays * lengths[:, None]
+    # A ray's foot on the plane moves with the camera along the plane, and along the ray so as to stay on it.
+    slide = np.eye(3) - rays[:, :, None] * np.array([0, 0, 1.0]) / falls[:, None, None]
+    by_source = np.concatenate([slide, -lengths[:, None, None] * slide @ _cross(rays)], axis=2)
+    apart = places - target[:3, 3]
+    seen = apart @ target[:3, :3]
+    by_target = np.concatenate([np.broadcast_to(-np.eye(3), (len(rays), 3, 3)), _cross(apart)], axis=2)
+    depth = np.maximum(seen[:, 2], 1e-3)
+    flat = seen[:, :2] / depth[:, None]
+    project = np.zeros((len(rays), 2, 3))
+    project[:, [0, 1], [0, 1]] = 1
+    project[:, :, 2] = -flat
+    project = focal / depth[:, None, None] * project @ target[:3, :3].T
+    return focal * (flat - link.flat), project @ by_source, project @ by_target
+
+
+def _spread(terms: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> float:
+    """Robust standard deviation of the misses, pixels."""
+    return max(_LEAST_SIGMA, 1.4826 * float(np.median(np.abs(np.concatenate([miss for miss, _, _ in terms])))))
+
+
+def _normal_equations(
+    links: list[Link], terms: list[tuple[np.ndarray, np.ndarray, np.ndarray]], sigma: float, count: int
+) -> tuple[sparse.csr_matrix, np.ndarray]:
+    """Information [6T, 6T] and gradient [6T] of Cauchy's loss."""
+    gradient = np.zeros((count, 6))
+    blocks, rows, columns = [], [], []
+    for link, (miss, by_source, by_target) in zip(links, terms, strict=True):
+        weight = 1 / (1 + (miss**2).sum(axis=1) / (2 * sigma) ** 2) / sigma**2
+        both = np.concatenate([by_source, by_target], axis=2).reshape(-1, 12)
+        weighted = both * np.repeat(weight, 2)[:, None]
+        block = weighted.T @ both
+        slope = weighted.T @ miss.reshape(-1)
+        gradient[link.source] += slope[:6]
+        gradient[link.target] += slope[6:]
+        numbers = np.concatenate([6 * link.source + np.arange(6), 6 * link.target + np.arange(6)])
+        blocks.append(block.ravel())
+        rows.append(np.repeat(numbers, 12))
+        columns.append(np.tile(numbers, 12))
+    data = (np.concatenate(blocks), (np.concatenate(rows), np.concatenate(columns)))
+    return sparse.csr_matrix(sparse.coo_matrix(data, shape=(6 * count, 6 * count))), gradient.reshape(-1)
+
+
+def _damping(free: np.ndarray, height: float) -> np.ndarray:
+    return np.tile(_DAMPING * np.array([1 / height**2] * 3 + [1.0] * 3), len(free))
+
+
+def _cross(vectors: np.ndarray) -> np.ndarray:
+    """[N, 3, 3] with C v = vector x v."""
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+
+
+def _turn(vector: np.ndarray) -> np.ndarray:
+    """[3, 3] rotation by a rotation vector (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < 1e-15:
+        return np.eye(3)
+    axis = _cross(vector[None] / angle)[0]
+    return np.asarray(np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis)
+
+
+def _sphere(count: int) -> np.ndarray:
+    """[N, 3] unit vectors spread evenly (Fibonacci's spiral)."""
+    index = np.arange(count) + 0.5
+    z = 1 - 2 * index / count
+    angle = np.pi * (1 + np.sqrt(5)) * index
+    return np.column_stack([np.sqrt(1 - z * z) * np.cos(angle), np.sqrt(1 - z * z) * np.sin(angle), z])

@@ -9,12 +9,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import physics, towel
+from benchmarks import perception, physics, towel
 from egophys_core.files import write_atomically
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 RESULTS = REPOSITORY / "benchmarks/results"
-BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {"physics": physics.run, "towel": towel.run}
+BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
+    "physics": physics.run,
+    "towel": towel.run,
+    "perception": perception.run,
+}
 
 
 def main() -> None:
@@ -33,9 +37,12 @@ def renew_tables() -> None:
         ("simulation", "physics", _simulation_table),
         ("accuracy", "physics", _accuracy_table),
         ("towel", "towel", _towel_table),
+        ("perception", "perception", _perception_table),
     ):
         text = table(json.loads((RESULTS / f"{result}.json").read_text()))
         before, begin, rest = readme.partition(f"<!-- benchmark {name} -->\n")
+        if not begin:
+            raise ValueError(f"README.md has no line <!-- benchmark {name} --> to put the table below")
         _, end, after = rest.partition("<!-- end -->")
         readme = f"{before}{begin}{text}\n{end}{after}"
     write_atomically(REPOSITORY / "README.md", readme.encode())
@@ -108,6 +115,36 @@ def _towel_table(result: dict[str, Any]) -> str:
             "|---|---|---|---|---|",
             *(row(f"twin, seed {fit['seed']}", fit) for fit in result["fits"]),
             *(row(name, scores) for name, scores in result["baselines"].items()),
+        ]
+    )
+
+
+def _perception_table(result: dict[str, Any]) -> str:
+    columns = (
+        ("mean mm", "mean_mm", 1),
+        ("p95 mm", "p95_mm", 1),
+        ("coverage", "coverage", 2),
+        ("ids stable", "id_stability", 3),
+        ("pose mm", "pose_mm", 2),
+        ("pose deg", "pose_deg", 3),
+        ("mask J", "mask_j", 3),
+        ("mask F", "mask_f", 3),
+        ("delta_avg", "track_delta_avg", 3),
+        ("AJ", "track_aj", 3),
+        ("OA", "track_oa", 3),
+        ("views", "views", 0),
+        ("s", "seconds", 0),
+    )
+
+    def row(scores: dict[str, Any]) -> str:
+        cells = ("-" if scores[key] is None else f"{scores[key]:.{digits}f}" for _, key, digits in columns)
+        return f"| {scores['video']} | {' | '.join(cells)} |"
+
+    return "\n".join(
+        [
+            f"| video | {' | '.join(name for name, _, _ in columns)} |",
+            f"|{'---|' * (len(columns) + 1)}",
+            *(row(scores) for scores in result["rows"]),
         ]
     )
 

@@ -3,7 +3,6 @@
 import argparse
 from typing import TYPE_CHECKING
 
-
 if TYPE_CHECKING:
     from egophys_core.perception.board import Board
 

@@ -1,6 +1,7 @@
 """`egophys build EPISODE... --out TWIN`."""
 
 import argparse
+import dataclasses
 import sys
 from pathlib import Path
 
@@ -9,7 +10,6 @@ from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.evaluation import Scores, baseline_scores
 from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, build_twin, contact_flags, find_hands
-from egophys_core.recording import read_episode
 from egophys_core.twin import save_twin
 
 NAME = "build"
@@ -19,6 +19,13 @@ HELP = "Fit a twin to recorded episodes of one object and write it to a file."
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the subcommand."""
     parser.add_argument("episodes", nargs="+", type=Path, metavar="EPISODE", help=".mcap file or rosbag2 folder")
+    parser.add_argument(
+        "--source",
+        choices=("auto", "points", "video"),
+        default="auto",
+        help="build from recorded points or from video; auto takes the points of a recording if it has any (default). "
+        "Video is perceived with default options: for others run `egophys perceive` and build from what it writes",
+    )
     parser.add_argument("--out", required=True, type=Path, metavar="TWIN", help="twin file to write (.twin)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the search (default 0)")
     parser.add_argument(
@@ -33,18 +40,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
+    # OpenCV takes an eighth of a second to load; the other subcommands do without.
+    from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, Source, is_video, load_episodes
+
     options = options_from(parsed, FitOptions)
     require_writable(parsed.out)
     if parsed.checkpoint is not None:
         require_writable(parsed.checkpoint)
-    episodes = [read_episode(path) for path in parsed.episodes]
+    source = EpisodeSource(source=Source(parsed.source))
+    perceiving = PERCEPTION_SHARE if any(is_video(path, source) for path in parsed.episodes) else 0.0
     try:
         with progress_bar() as report:
+            loaded = load_episodes(
+                parsed.episodes, source, progress=lambda stage, share: report(stage, perceiving * share)
+            )
+            episodes = [each.episode for each in loaded]
             twin = build_twin(
                 episodes,
                 options,
                 seed=parsed.seed,
-                progress=lambda stage, share, loss: report(stage, share, f"loss {1000 * loss:.1f} mm"),
+                progress=lambda stage, share, loss: report(
+                    stage, perceiving + (1 - perceiving) * share, f"loss {1000 * loss:.1f} mm"
+                ),
                 checkpoint=parsed.checkpoint,
             )
     except KeyboardInterrupt:
@@ -54,11 +71,15 @@ def run(parsed: argparse.Namespace) -> int:
         return 130
     save_twin(twin, parsed.out)
     contact = contact_flags(episodes[0], find_hands(episodes[0]))
+    reports = {each.episode.name: each.report for each in loaded if each.report is not None}
     scores = {"twin": Scores(**twin.provenance.scores), **baseline_scores(episodes[0], contact)}
     if parsed.json:
         named = {name: each.as_dict() for name, each in scores.items()}
-        print_json({"twin": str(parsed.out), "twin_id": twin.twin_id, "scores": named})
+        perception = {name: dataclasses.asdict(each) for name, each in reports.items()}
+        print_json({"twin": str(parsed.out), "twin_id": twin.twin_id, "scores": named, "perception": perception})
     else:
+        for name, perceived in reports.items():
+            print("\n".join((f"{name}: perceived from video", *(f"  {note}" for note in perceived.notes))))
         print_scores(f"{episodes[0].name}", scores)
         print(f"twin {twin.twin_id} written to {parsed.out}")
     return 0

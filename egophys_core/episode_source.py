@@ -1,0 +1,133 @@
+"""Recordings -> episodes, from recorded points or from video: one way for the command line and for the nodes."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from egophys_core.episode import Episode
+from egophys_core.errors import EpisodeError
+from egophys_core.options import choice
+from egophys_core.perception.board import Board
+from egophys_core.perception.image_message import COMPRESSED_IMAGE, IMAGE
+from egophys_core.perception.options import PerceptionOptions
+from egophys_core.perception.perceive import PerceptionReport, perceive
+from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC, list_topics, read_episode, write_episode
+
+PERCEPTION_SHARE = 0.5
+"""Part of a build's progress bar that perception takes if an episode is from video."""
+STAGES = {"camera poses": (0.0, 0.1), "shape": (0.1, 1.0)}
+"""Where the stages of perception begin and end in its own progress, by the time they take."""
+
+
+class Source(StrEnum):
+    """What of a recording an episode is made from."""
+
+    AUTO = "auto"
+    """The points if the recording has any, else the video."""
+    POINTS = "points"
+    VIDEO = "video"
+    """Also where the recording has points, which are then not read."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceOptions:
+    """The choice that users have; the same name on the command line and as ROS parameter."""
+
+    source: Source = choice(  # noqa: RUF009
+        Source.AUTO, doc="what of a recording is used: points, video, or auto: points if it has any, else video"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeSource:
+    """How recordings become episodes."""
+
+    source: Source = Source.AUTO
+    object_topic: str = OBJECT_TOPIC
+    """Topic of the object's points."""
+    controller_topic: str = CONTROLLER_TOPIC
+    """Topic of the points of the hands."""
+    perception: PerceptionOptions = field(default_factory=PerceptionOptions)
+    """Used for video only, as the board is."""
+    board: Board = field(default_factory=Board)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadedEpisode:
+    """An episode, and what perception has to say of it."""
+
+    episode: Episode
+    report: PerceptionReport | None
+    """None if the episode was recorded as points."""
+
+
+def is_video(path: Path, source: EpisodeSource) -> bool:
+    """Whether the episode of a recording is to be made from its video.
+
+    Raises:
+        RecordingError: not a bag.
+    """
+    if source.source != Source.AUTO:
+        return source.source == Source.VIDEO
+    topics = [topic for topic in list_topics(path) if topic.messages > 0]
+    has_points = any(topic.name in (source.object_topic, source.controller_topic) for topic in topics)
+    return not has_points and any(topic.type in (COMPRESSED_IMAGE, IMAGE) for topic in topics)
+
+
+def load_episodes(
+    paths: Sequence[Path],
+    source: EpisodeSource,
+    *,
+    progress: Callable[[str, float], None] = lambda stage, share: None,
+) -> list[LoadedEpisode]:
+    """Read or perceive the episode of each recording.
+
+    A perceived episode is what a reader of its recorded points gets, bit for bit: a twin built from it is the twin
+    built from a log of it.
+
+    Args:
+        paths: `.mcap` or `.db3` files or rosbag2 folders.
+        source: what of them to use, and how.
+        progress: called with what is being done and the share of all recordings that is done, 0..1; raises to stop.
+
+    Raises:
+        RecordingError: not a bag, or the topics are not in it.
+        EpisodeError: points or video do not form an episode; in a video, also: no hand holds the object.
+    """
+    loaded = []
+    for index, path in enumerate(paths):
+
+        def report(stage: str, share: float, index: int = index) -> None:
+            progress(stage, (index + share) / len(paths))
+
+        report(f"read {path.name}", 0.0)
+        loaded.append(_load(path, source, report))
+    return loaded
+
+
+def _load(path: Path, source: EpisodeSource, progress: Callable[[str, float], None]) -> LoadedEpisode:
+    if not is_video(path, source):
+        episode = read_episode(path, object_topic=source.object_topic, controller_topic=source.controller_topic)
+        return LoadedEpisode(episode=episode, report=None)
+
+    def report(stage: str, share: float) -> None:
+        begin, end = STAGES.get(stage, (0.0, 1.0))
+        progress(f"perceive: {stage}", begin + (end - begin) * share)
+
+    perceived = perceive(path, options=source.perception, board=source.board, progress=report)
+    if len(perceived.episode.controller_ids) == 0:
+        found = "; ".join(perceived.report.notes) or "no hand holds the object"
+        raise EpisodeError(f"{path.name}: {found}. `egophys perceive` draws what was seen; record the whole handling")
+    return LoadedEpisode(episode=_as_recorded(perceived.episode), report=perceived.report)
+
+
+def _as_recorded(episode: Episode) -> Episode:
+    """Write the points and read them again: stamps of whole nanoseconds, one kind of NaN, nothing of confidence 0."""
+    with TemporaryDirectory(prefix="egophys-") as folder:
+        path = Path(folder) / "episode"
+        write_episode(episode, path)
+        read = read_episode(path, ground_height=episode.ground_height)
+    return dataclasses.replace(read, name=episode.name)

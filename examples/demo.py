@@ -1,9 +1,10 @@
-"""The whole loop on a recorded episode, with the real nodes over DDS and the arm's controller emulated.
+"""The whole loop on a recorded video, with the real nodes over DDS and the arm's controller emulated.
 
-build a twin -> plan to a target shape -> execute on the (emulated) xArm6 -> record -> replay -> table and picture
+perceive -> build a twin -> plan to a target shape -> execute on the (emulated) xArm6 -> record -> replay -> tables
 """
 
 import argparse
+import json
 import os
 import sys
 from contextlib import ExitStack
@@ -17,27 +18,33 @@ from egophys_msgs.msg import TwinInfo, WaypointPlan
 from egophys_msgs.srv import RolloutTwin
 from egophys_ros_common.conversions import executed_plan, points_message
 from egophys_ros_common.processes import Client, NodeProcess
+from egophys_ros_common.qos import latched
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 
 from egophys_core.cli.display import print_scores
 from egophys_core.episode import Episode
-from egophys_core.errors import EgophysError
+from egophys_core.errors import EgophysError, EpisodeError
 from egophys_core.evaluation import baseline_scores
+from egophys_core.evaluation.perception import PointPaths, score_points
 from egophys_core.identification import contact_flags, evaluate_twin, find_hands
-from egophys_core.recording import read_episode, xyz_of_message
+from egophys_core.recording import Record, decode_episode, read_episode, xyz_of_message
 from egophys_core.replay import Outcome, replay_log
 from egophys_core.reporting import draw_shapes
 from egophys_core.twin import load_twin
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-EPISODE = REPOSITORY / "examples/towel_lift.mcap"
+EPISODE = REPOSITORY / "examples/towel_lift_video.mcap"
+MEASURED = REPOSITORY / "examples/towel_lift_video_points.mcap"
+"""Points measured while that video was taken; perception does not see them."""
 ROBOT_IP = "127.0.0.7"
 """The emulator's own loopback address, so that it does not meet one started by hand."""
 CONFIGURATION = REPOSITORY / "ros2_ws/src"
 PLAN_TIMEOUT_S = 300.0
-BUILD_TIMEOUT_S = 600.0
+BUILD_TIMEOUT_S = 900.0
 
 console = Console()
 
@@ -46,6 +53,8 @@ console = Console()
 class Outcomes:
     """What the nodes answered."""
 
+    episode: Episode
+    """What the twin was built from."""
     target: np.ndarray
     """[P, 3] metres, world."""
     plan: WaypointPlan
@@ -60,9 +69,10 @@ class Outcomes:
 def main() -> int:
     """Run the demo; 0 if every step worked and the replay gave the same."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--episode", type=Path, default=EPISODE, help="episode to build from")
+    parser.add_argument("--episode", type=Path, default=EPISODE, help="recorded video, or points, to build from")
+    parser.add_argument("--measured", type=Path, help="measured points to compare those perceived with")
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for twin, log and picture")
-    parser.add_argument("--target-frame", type=int, default=100, help="the shape seen in this frame is the target")
+    parser.add_argument("--target-frame", type=int, default=70, help="the shape seen in this frame is the target")
     parser.add_argument("--generations", type=int, default=50, help="generations of the fit")
     parser.add_argument("--seed", type=int, default=0)
     parsed = parser.parse_args()
@@ -71,9 +81,7 @@ def main() -> int:
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     folder = new_folder(parsed.out)
     try:
-        episode = read_episode(parsed.episode)
-        outcomes = run_nodes(parsed, episode, folder)
-        return report(parsed, episode, folder, outcomes)
+        return report(parsed, folder, run_nodes(parsed, folder))
     except (EgophysError, RuntimeError, TimeoutError) as error:
         console.print(f"[red]demo failed:[/red] {error}\nThe nodes' output is in {folder}")
         return 1
@@ -88,7 +96,7 @@ def new_folder(wanted: Path) -> Path:
     return folder
 
 
-def run_nodes(parsed: argparse.Namespace, episode: Episode, folder: Path) -> Outcomes:
+def run_nodes(parsed: argparse.Namespace, folder: Path) -> Outcomes:
     """Start the nodes, drive them through the story, stop them; the log is then complete."""
     # The stack ends every process, also those after one that does not end well.
     with ExitStack() as stack:
@@ -97,7 +105,7 @@ def run_nodes(parsed: argparse.Namespace, episode: Episode, folder: Path) -> Out
         start_nodes(parsed, folder, stack)
         for node in ("/recorder_node", "/twin_node", "/mppi_planner_node", "/bridge_node"):
             client.wait_for_state(node, "active")
-        return drive(parsed, episode, folder, client)
+        return drive(parsed, folder, client)
 
 
 def start_nodes(parsed: argparse.Namespace, folder: Path, stack: ExitStack) -> None:
@@ -121,9 +129,12 @@ def start_nodes(parsed: argparse.Namespace, folder: Path, stack: ExitStack) -> N
     start_node("xarm_bridge", "bridge_node", "bridge.yaml", robot_ip=ROBOT_IP, calibration_file=str(calibration))
 
 
-def drive(parsed: argparse.Namespace, episode: Episode, folder: Path, client: Client) -> Outcomes:
+def drive(parsed: argparse.Namespace, folder: Path, client: Client) -> Outcomes:
     """Build, plan, execute, and ask the twin what the executed path does."""
     build_twin(parsed, folder, client)
+    episode = training_episode(client)
+    if not 0 <= parsed.target_frame < episode.frames:
+        raise EpisodeError(f"--target-frame must be in 0 .. {episode.frames - 1}, got {parsed.target_frame}")
     seen = np.isfinite(episode.points[parsed.target_frame]).all(axis=1)
     target = episode.points[parsed.target_frame, seen]
     target_message = points_message(target, ids=episode.point_ids[seen])
@@ -156,6 +167,7 @@ def drive(parsed: argparse.Namespace, episode: Episode, folder: Path, client: Cl
     predicted_cost, predicted = roll_out(planned.plan)
     executed_cost, after = roll_out(executed_plan(executed.executed, planned.plan))
     return Outcomes(
+        episode=episode,
         target=target,
         plan=planned.plan,
         predicted=predicted,
@@ -182,6 +194,33 @@ def build_twin(parsed: argparse.Namespace, folder: Path, client: Client) -> Twin
     ).info
 
 
+def training_episode(client: Client) -> Episode:
+    """The points that the twin was built from, as the twin node has published them."""
+    prefix = "/twin_node/training"
+    build = json.loads(client.message(String, f"{prefix}/build", qos=latched()).data)
+    (described,) = build["episodes"]
+    topics = f"{prefix}/object_points", f"{prefix}/controller_points"
+    frames = described["frames"]
+    records = [
+        Record(topic=topic, type="sensor_msgs/msg/PointCloud2", log_time_ns=0, cdr=cdr)
+        for topic in topics
+        for cdr in client.messages(PointCloud2, topic, frames, qos=latched(frames), raw=True)
+    ]
+    if "perception" in described:
+        found = described["perception"]["report"]
+        console.print(
+            f"perceived {found['tracked']} points of a {found['kind']} in {found['frames']} frames, "
+            f"camera pose found in {found['posed']}, places in {found['coverage']:.0%}"
+        )
+    return decode_episode(
+        records,
+        name=described["name"],
+        object_topic=topics[0],
+        controller_topic=topics[1],
+        ground_height=described["ground_height"],
+    )
+
+
 def act(client, kind, name, goal, label, describe, timeout_s):  # type: ignore[no-untyped-def]
     """Send a goal, show its feedback as a bar, and return its result.
 
@@ -206,8 +245,14 @@ def act(client, kind, name, goal, label, describe, timeout_s):  # type: ignore[n
     return answer.result
 
 
-def report(parsed: argparse.Namespace, episode: Episode, folder: Path, outcomes: Outcomes) -> int:
+def paths(episode: Episode) -> PointPaths:
+    """The points of an episode, stamped from its start."""
+    return PointPaths(stamps_ns=np.rint(episode.times * 1e9).astype(np.int64), points=episode.points)
+
+
+def report(parsed: argparse.Namespace, folder: Path, outcomes: Outcomes) -> int:
     """Evaluate, replay, draw, and print the tables; 0 if the replay was the same."""
+    episode = outcomes.episode
     twin = load_twin(folder / "object.twin")
     scores, _ = evaluate_twin(twin, episode)
     with console.status("replaying the log"):
@@ -226,6 +271,13 @@ def report(parsed: argparse.Namespace, episode: Episode, folder: Path, outcomes:
         ghost=outcomes.target,
         ground=twin.ground_height,
     )
+    measured = parsed.measured or (MEASURED if parsed.episode == EPISODE else None)
+    if measured is not None:
+        errors = score_points(paths(episode), paths(read_episode(measured)))
+        console.print(
+            f"perceived against measured points: {1000 * errors.mean_m:.1f} mm on average, 95 % within "
+            f"{1000 * errors.p95_m:.1f} mm, over {errors.coverage:.0%} of the points seen"
+        )
     contact = contact_flags(episode, find_hands(episode))
     print_scores(f"fit of {episode.name}", {"twin": scores, **baseline_scores(episode, contact)})
     table = Table(title="distance of the object to the target shape (two-way Chamfer, mm)", title_justify="left")

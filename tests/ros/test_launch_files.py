@@ -7,14 +7,17 @@ from pathlib import Path
 import pytest
 import yaml
 
+from egophys_core.episode_source import SourceOptions
 from egophys_core.identification import FitOptions
 from egophys_core.options import from_mapping, to_mapping
+from egophys_core.perception.board import Board
+from egophys_core.perception.options import PerceptionOptions
 from egophys_core.planning import PlanOptions
 
 SOURCES = Path(__file__).resolve().parents[2] / "ros2_ws/src"
 LAUNCH_FILES = sorted(SOURCES.glob("*/launch/*.launch.py"))
 EXECUTABLES = {
-    "egophys_twin": {"twin_node", "recorder_node"},
+    "egophys_twin": {"twin_node", "observer_node", "recorder_node"},
     "egophys_planner": {"mppi_planner_node"},
     "xarm_bridge": {"bridge_node", "emulator"},
 }
@@ -30,7 +33,12 @@ def calls(tree, function):
 
 
 def test_there_are_launch_files():
-    assert {path.name for path in LAUNCH_FILES} >= {"twin.launch.py", "planner.launch.py", "egophys.launch.py"}
+    assert {path.name for path in LAUNCH_FILES} >= {
+        "twin.launch.py",
+        "planner.launch.py",
+        "observer.launch.py",
+        "egophys.launch.py",
+    }
 
 
 @pytest.mark.parametrize("path", LAUNCH_FILES, ids=lambda path: path.name)
@@ -60,19 +68,26 @@ def test_launch_loads_it(path):
 
 
 @pytest.mark.parametrize(
-    ("file", "node", "options"),
+    ("file", "node", "group", "options"),
     [
-        ("egophys_twin/config/twin.yaml", "twin_node", FitOptions),
-        ("egophys_planner/config/planner.yaml", "mppi_planner_node", PlanOptions),
+        ("egophys_twin/config/twin.yaml", "twin_node", "", FitOptions),
+        ("egophys_twin/config/twin.yaml", "twin_node", "", SourceOptions),
+        ("egophys_twin/config/twin.yaml", "twin_node", "perception", PerceptionOptions),
+        ("egophys_twin/config/twin.yaml", "twin_node", "board", Board),
+        ("egophys_twin/config/observer.yaml", "observer_node", "perception", PerceptionOptions),
+        ("egophys_twin/config/observer.yaml", "observer_node", "board", Board),
+        ("egophys_planner/config/planner.yaml", "mppi_planner_node", "", PlanOptions),
     ],
 )
-def test_parameter_files_list_every_option_with_its_default(file, node, options):
+def test_parameter_files_list_every_option_with_its_default(file, node, group, options):
     values = yaml.safe_load((SOURCES / file).read_text())[node]["ros__parameters"]
+    values = values[group] if group else values
     names = {field.name for field in dataclasses.fields(options)}
     given = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
     chosen = from_mapping(options, {name: value for name, value in given.items() if name in names})
     assert names <= set(values)
     assert to_mapping(chosen) == to_mapping(options())
+    assert not group or set(values) == names
 
 
 def test_the_recorder_logs_what_replay_needs():

@@ -23,6 +23,7 @@ setup(
     entry_points={
         "console_scripts": [
             "twin_node = egophys_twin.twin_node:main",
+            "observer_node = egophys_twin.observer_node:main",
             "recorder_node = egophys_twin.recorder_node:main",
         ]
     },

@@ -23,7 +23,7 @@ T = TypeVar("T")
 
 
 class ManagedNode(LifecycleNode):
-    """Base of the nodes. A subclass overrides `configure`, `activate`, `deactivate` and `health`.
+    """Base of the nodes. A subclass overrides `configure`, `activate`, `deactivate`, `status` and `health`.
 
     `deactivate` is called in any state after `configure`; it also undoes a failed activation. What
     `configure` makes goes through `own`, which destroys it at cleanup: the node can be configured again.
@@ -56,6 +56,10 @@ class ManagedNode(LifecycleNode):
 
     def deactivate(self) -> None:
         """Stop working and wait until that is so."""
+
+    def status(self) -> str:
+        """What the node does now, a sentence for `/diagnostics` while nothing has failed."""
+        return "active" if self.is_active else "not active"
 
     def health(self) -> dict[str, str]:
         """What `/diagnostics` says, once configured, besides the state and the last error."""
@@ -156,7 +160,7 @@ class ManagedNode(LifecycleNode):
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if self.last_error else DiagnosticStatus.OK,
             name=self.get_fully_qualified_name(),
-            message=self.last_error or ("active" if self.is_active else "not active"),
+            message=self.last_error or self.status(),
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
         message = DiagnosticArray(status=[status])

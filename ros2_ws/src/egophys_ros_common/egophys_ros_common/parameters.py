@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from enum import Enum
 from typing import Any, TypeVar
 
@@ -15,17 +16,23 @@ from egophys_core.options import from_mapping
 T = TypeVar("T")
 
 
-def declare_options(node: Node, cls: type[Any]) -> None:
-    """Declare each field of the options class `cls` as a parameter; setting one the class refuses fails."""
+def declare_options(node: Node, cls: type[Any], prefix: str = "") -> None:
+    """Declare each field of the options class `cls` as a parameter; setting one the class refuses fails.
+
+    Args:
+        node: that has the parameters.
+        cls: dataclass of options.
+        prefix: put before the names of the fields, with its dot (`board.`).
+    """
     fields = dataclasses.fields(cls)
     for field in fields:
-        node.declare_parameter(field.name, _parameter_value(field.default), _descriptor(field))
-    names = {field.name for field in fields}
+        node.declare_parameter(prefix + field.name, _parameter_value(field.default), _descriptor(field))
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
-        changed = {each.name: each.value for each in parameters if each.name in names}
+        names = {prefix + field.name for field in fields}
+        changed = {each.name.removeprefix(prefix): each.value for each in parameters if each.name in names}
         try:
-            from_mapping(cls, {name: node.get_parameter(name).value for name in names} | changed)
+            from_mapping(cls, _declared(node, cls, prefix) | changed)
         except OptionsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -39,8 +46,26 @@ def read_options(node: Node, cls: type[T], options_json: str = "") -> T:
     Raises:
         OptionsError: not a JSON object, an unknown name, a wrong type, or out of range.
     """
-    values = {field.name: node.get_parameter(field.name).value for field in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    return from_mapping(cls, values | parse_options_json(options_json))
+    (options,) = read_option_groups(node, [(cls, "")], options_json)
+    return options
+
+
+def read_option_groups(node: Node, groups: Sequence[tuple[type[Any], str]], options_json: str = "") -> list[Any]:
+    """Options of several classes, in their order, from the node's parameters and from one JSON object, which wins.
+
+    Args:
+        node: that has the parameters.
+        groups: classes and the prefixes they were declared with.
+        options_json: names with their prefix, as of the parameters: `{"generations": 20, "board.rows": 4}`.
+
+    Raises:
+        OptionsError: not a JSON object, an unknown name, a wrong type, or out of range.
+    """
+    values = [_declared(node, cls, prefix) for cls, prefix in groups]
+    for name, value in parse_options_json(options_json).items():
+        group = _group_of(name, groups)
+        values[group][name.removeprefix(groups[group][1])] = value
+    return [from_mapping(cls, each) for (cls, _), each in zip(groups, values, strict=True)]
 
 
 def parse_options_json(options_json: str) -> dict[str, Any]:
@@ -56,6 +81,21 @@ def parse_options_json(options_json: str) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise OptionsError(f"options_json must be a JSON object of names and values, got {options_json}")
     return values
+
+
+def _group_of(name: str, groups: Sequence[tuple[type[Any], str]]) -> int:
+    """Index of the group that has a name; of one that none has, the group that its prefix says."""
+
+    def fit(index: int) -> tuple[bool, int]:
+        cls, prefix = groups[index]
+        is_known = any(name == prefix + field.name for field in dataclasses.fields(cls))
+        return is_known, len(prefix) if name.startswith(prefix) else -1
+
+    return max(range(len(groups)), key=fit)
+
+
+def _declared(node: Node, cls: type[Any], prefix: str) -> dict[str, Any]:
+    return {field.name: node.get_parameter(prefix + field.name).value for field in dataclasses.fields(cls)}
 
 
 def _parameter_value(default: Any) -> Any:

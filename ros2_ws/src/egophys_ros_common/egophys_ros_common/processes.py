@@ -202,19 +202,33 @@ class Client:
         timeout: float = MESSAGE_TIMEOUT,
     ) -> Any:
         """The next message on a topic that meets a condition."""
+        return self.messages(kind, topic, 1, condition, qos, timeout)[0]
+
+    def messages(
+        self,
+        kind: Any,
+        topic: str,
+        count: int,
+        condition: Callable[[Any], bool] = lambda _: True,
+        qos: QoSProfile = qos_profile_sensor_data,
+        timeout: float = MESSAGE_TIMEOUT,
+        raw: bool = False,
+    ) -> list[Any]:
+        """The next `count` messages on a topic that meet a condition, as they were serialized if `raw`."""
         found: list[Any] = []
         arrived = threading.Event()
 
         def receive(message: Any) -> None:
-            if condition(message) and not found:
+            if len(found) < count and condition(message):
                 found.append(message)
-                arrived.set()
+                if len(found) == count:
+                    arrived.set()
 
-        subscription = self.node.create_subscription(kind, topic, receive, qos, callback_group=self._group)
+        subscription = self.node.create_subscription(kind, topic, receive, qos, callback_group=self._group, raw=raw)
         try:
             if not arrived.wait(timeout):
-                raise TimeoutError(f"no such message on {topic} within {timeout:.0f} s")
-            return found[0]
+                raise TimeoutError(f"{len(found)} of {count} such messages on {topic} within {timeout:.0f} s")
+            return found
         finally:
             self.node.destroy_subscription(subscription)
 

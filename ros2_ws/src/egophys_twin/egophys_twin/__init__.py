@@ -1,1 +1,1 @@
-"""Builds a physical twin and rolls it out (twin_node); records topics to MCAP (recorder_node)."""
+"""Builds a twin and rolls it out (twin_node); watches the object (observer_node); records (recorder_node)."""

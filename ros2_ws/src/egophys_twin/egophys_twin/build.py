@@ -1,14 +1,13 @@
-"""One build as the twin node runs it: check the request, read, fit, save. Imports no ROS."""
+"""One build as the twin node runs it: check the request, read or perceive, fit, save. Imports no ROS."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from egophys_core.episode import Episode
+from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, LoadedEpisode, is_video, load_episodes
 from egophys_core.errors import RecordingError
 from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, Progress, build_twin
-from egophys_core.recording import read_episode
 from egophys_core.twin import Twin, save_twin
 
 NOT_KNOWN = float("nan")
@@ -22,10 +21,8 @@ class BuildRequest:
     output_path: Path
     options: FitOptions
     seed: int
-    object_topic: str
-    """Topic of the object's points in the recordings."""
-    controller_topic: str
-    """Topic of the hands' points in the recordings."""
+    source: EpisodeSource
+    """How the recordings become episodes."""
 
     def check(self) -> None:
         """Look whether the build can start at all.
@@ -42,8 +39,10 @@ class BuildRequest:
         require_writable(self.output_path)
 
 
-def run_build(request: BuildRequest, *, on_episodes: Callable[[Sequence[Episode]], None], progress: Progress) -> Twin:
-    """Read the recordings, fit a twin and save it.
+def run_build(
+    request: BuildRequest, *, on_episodes: Callable[[Sequence[LoadedEpisode]], None], progress: Progress
+) -> Twin:
+    """Read the recordings or perceive their videos, fit a twin and save it.
 
     Args:
         request: what to do; checked before.
@@ -54,14 +53,19 @@ def run_build(request: BuildRequest, *, on_episodes: Callable[[Sequence[Episode]
     Raises:
         EgophysError: a recording, the fit or the file failed.
     """
-    episodes = []
-    for path in request.episode_paths:
-        progress(f"read {path.name}", 0.0, NOT_KNOWN)
-        episodes.append(
-            read_episode(path, object_topic=request.object_topic, controller_topic=request.controller_topic)
-        )
-    on_episodes(episodes)
-    twin = build_twin(episodes, request.options, seed=request.seed, progress=progress)
+    perceiving = PERCEPTION_SHARE if any(is_video(path, request.source) for path in request.episode_paths) else 0.0
+    loaded = load_episodes(
+        request.episode_paths,
+        request.source,
+        progress=lambda stage, share: progress(stage, perceiving * share, NOT_KNOWN),
+    )
+    on_episodes(loaded)
+    twin = build_twin(
+        [each.episode for each in loaded],
+        request.options,
+        seed=request.seed,
+        progress=lambda stage, share, loss: progress(stage, perceiving + (1 - perceiving) * share, loss),
+    )
     progress("save", 1.0, NOT_KNOWN)
     save_twin(twin, request.output_path)
     return twin

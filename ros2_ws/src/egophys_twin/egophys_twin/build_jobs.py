@@ -1,6 +1,6 @@
 """The build jobs of the twin node: one at a time, from an action goal or a service call."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from math import isnan
@@ -12,6 +12,7 @@ from egophys_ros_common.managed_node import ManagedNode
 from egophys_ros_common.worker import CanceledError, Worker
 from unique_identifier_msgs.msg import UUID
 
+from egophys_core.episode_source import LoadedEpisode
 from egophys_core.errors import TwinError
 from egophys_core.twin import Twin
 from egophys_twin.build import NOT_KNOWN, BuildRequest, run_build
@@ -68,7 +69,7 @@ class BuildJobs:
         work = partial(
             run_build,
             job.request,
-            on_episodes=partial(self._node.hand_over, self._topics.publish_training, job.id, job.request),
+            on_episodes=partial(self._node.hand_over, self._tell_of_episodes, job),
             progress=partial(self._progress, job),
         )
         try:
@@ -82,7 +83,7 @@ class BuildJobs:
         return self._end(job, BuildJob.SUCCEEDED, f"built twin {twin.twin_id}: {job.request.output_path}")
 
     def cancel(self) -> bool:
-        """Ask the running job to stop, which it does within a generation; False if none runs."""
+        """Ask the running job to stop, which it does at its next generation or frame; False if none runs."""
         if self.current is None:
             return False
         self.current.canceled.set()
@@ -92,6 +93,12 @@ class BuildJobs:
         """Cancel and wait for the end of the build; `run` then answers."""
         self.cancel()
         self._worker.stop()
+
+    def _tell_of_episodes(self, job: Job, loaded: Sequence[LoadedEpisode]) -> None:
+        self._topics.publish_training(job.id, job.request, loaded)
+        for each in loaded:
+            for note in each.report.notes if each.report else ():
+                self._node.get_logger().info(f"{each.episode.name}: {note}")
 
     def _progress(self, job: Job, stage: str, share: float, loss: float) -> None:
         if job.canceled.is_set():

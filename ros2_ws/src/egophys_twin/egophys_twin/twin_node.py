@@ -11,7 +11,7 @@ from egophys_msgs.msg import BuildJob, TwinInfo
 from egophys_msgs.srv import RebuildTwin, RolloutTwin
 from egophys_ros_common.conversions import points_message, time_message
 from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_options, read_options
+from egophys_ros_common.parameters import declare_options, read_option_groups
 from egophys_ros_common.worker import Worker
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -20,8 +20,11 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from std_srvs.srv import Trigger
 from unique_identifier_msgs.msg import UUID
 
+from egophys_core.episode_source import EpisodeSource, SourceOptions
 from egophys_core.errors import EgophysError, TwinError
 from egophys_core.identification import FitOptions
+from egophys_core.perception.board import Board
+from egophys_core.perception.options import PerceptionOptions
 from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC, xyz_of_message
 from egophys_core.twin import Twin, load_twin
 from egophys_core.waypoint_plan import plan_of_message
@@ -36,16 +39,20 @@ TEXT_PARAMETERS = {
     "controller_topic": (CONTROLLER_TOPIC, "topic of the hands' points in the recordings to build from"),
 }
 
+OPTION_GROUPS = ((FitOptions, ""), (SourceOptions, ""), (PerceptionOptions, "perception."), (Board, "board."))
+"""Classes of options and the prefixes of their parameters."""
+
 
 class TwinNode(ManagedNode):
     """Serves build, rebuild, cancel and rollout, and publishes the twin in use."""
 
     def __init__(self) -> None:
-        """Declare the parameters: those of the node and every option of the fit."""
+        """Declare the parameters: those of the node and every option of perception and fit."""
         super().__init__("twin_node")
         for name, (default, description) in TEXT_PARAMETERS.items():
             self.declare_parameter(name, default, ParameterDescriptor(description=description))
-        declare_options(self, FitOptions)
+        for options, prefix in OPTION_GROUPS:
+            declare_options(self, options, prefix)
         self._twin: Twin | None = None
         self._info = TwinInfo()
         self._topics: TwinTopics
@@ -54,7 +61,7 @@ class TwinNode(ManagedNode):
 
     def configure(self) -> None:
         """Load the twin of `twin_path`, if any, and create topics, services and the action."""
-        read_options(self, FitOptions)
+        read_option_groups(self, OPTION_GROUPS)
         self._twin = None
         if twin_path := self.get_parameter("twin_path").value:
             path = Path(twin_path)
@@ -145,7 +152,9 @@ class TwinNode(ManagedNode):
 
     def _cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._jobs.cancel()
-        response.message = "the build stops within a generation" if response.success else "no build is running"
+        response.message = (
+            "the build stops within a generation or a frame" if response.success else "no build is running"
+        )
         return response
 
     async def _rollout(self, request: RolloutTwin.Request, response: RolloutTwin.Response) -> RolloutTwin.Response:
@@ -180,13 +189,19 @@ class TwinNode(ManagedNode):
         self._topics.publish_twin(twin, self._info)
 
     def _request(self, message: BuildTwin.Goal | RebuildTwin.Request) -> BuildRequest:
+        fit, choice, perception, board = read_option_groups(self, OPTION_GROUPS, message.options_json)
         return BuildRequest(
             episode_paths=tuple(Path(path) for path in message.episode_paths),
             output_path=Path(message.output_path),
-            options=read_options(self, FitOptions, message.options_json),
+            options=fit,
             seed=message.seed,
-            object_topic=self.get_parameter("object_topic").value,
-            controller_topic=self.get_parameter("controller_topic").value,
+            source=EpisodeSource(
+                source=choice.source,
+                object_topic=self.get_parameter("object_topic").value,
+                controller_topic=self.get_parameter("controller_topic").value,
+                perception=perception,
+                board=board,
+            ),
         )
 
 

@@ -1,10 +1,12 @@
 """The topics of the twin node: what it holds, what it does, and what it learnt from."""
 
+import dataclasses
 import json
 from array import array
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -18,6 +20,7 @@ from std_msgs.msg import String, UInt8MultiArray
 from unique_identifier_msgs.msg import UUID
 
 from egophys_core.episode import Episode
+from egophys_core.episode_source import EpisodeSource, LoadedEpisode
 from egophys_core.options import to_mapping
 from egophys_core.twin import Twin, encode_twin
 from egophys_core.waypoint_plan import NANOSECONDS
@@ -50,21 +53,19 @@ class TwinTopics:
         """State of the newest job."""
         self._job.publish(job)
 
-    def publish_training(self, job_id: UUID, request: BuildRequest, episodes: Sequence[Episode]) -> None:
+    def publish_training(self, job_id: UUID, request: BuildRequest, loaded: Sequence[LoadedEpisode]) -> None:
         """Everything a build depends on, so that a log is enough to do it again, bit for bit.
 
         The points are kept for late subscribers until the next build: the depth is that of this build, hence
         publishers of its own.
         """
-        described = [
-            {"name": each.name, "frames": each.frames, "ground_height": each.ground_height} for each in episodes
-        ]
+        episodes = [each.episode for each in loaded]
         build = {
             "job_id": bytes(job_id.uuid).hex(),
             "seed": request.seed,
             "options": to_mapping(request.options),
             "parent_id": "",
-            "episodes": described,
+            "episodes": [_described(each, request.source) for each in loaded],
         }
         self._forget_training()
         self._training.publish(String(data=json.dumps(build)))
@@ -102,6 +103,20 @@ class TwinTopics:
 
     def _publisher(self, kind: type, name: str) -> Publisher:
         return self._node.own(self._node.create_publisher(kind, name, latched()), self._node.destroy_publisher)
+
+
+def _described(loaded: LoadedEpisode, source: EpisodeSource) -> dict[str, Any]:
+    episode, report = loaded.episode, loaded.report
+    described = {"name": episode.name, "frames": episode.frames, "ground_height": episode.ground_height}
+    if report is None:
+        return described
+    return described | {
+        "perception": {
+            "report": dataclasses.asdict(report),
+            "options": to_mapping(source.perception),
+            "board": to_mapping(source.board),
+        }
+    }
 
 
 def info_message(twin: Twin, path: Path, built: Time) -> TwinInfo:

@@ -1,7 +1,9 @@
-"""All nodes, configured and activated: twin, planner, bridge with emulator, and the recorder if told where to.
+"""All nodes, configured and activated: twin, planner, bridge with emulator; the recorder if told where to, the
+observer if there is a camera.
 
 ros2 launch egophys_twin egophys.launch.py log_folder:=PATH
 ros2 launch egophys_twin egophys.launch.py use_emulator:=false robot_ip:=192.168.1.200 calibration_file:=PATH
+ros2 launch egophys_twin egophys.launch.py use_observer:=true
 ros2 launch egophys_twin egophys.launch.py --show-args   # those of the included launch files too
 """
 
@@ -23,6 +25,7 @@ def generate_launch_description() -> LaunchDescription:
         "log_folder": ("", "rosbag2 folder to record to, must not exist; empty to record nothing"),
         "recorder_params_file": (str(config / "recorder.yaml"), "parameters of recorder_node: the topics"),
         "use_bridge": ("true", "start the bridge to the arm, or to the emulator"),
+        "use_observer": ("false", "start the observer of the live camera"),
     }
     return LaunchDescription(
         [
@@ -47,6 +50,7 @@ def generate_launch_description() -> LaunchDescription:
             _include("egophys_twin", "twin.launch.py"),
             _include("egophys_planner", "planner.launch.py"),
             _include("xarm_bridge", "bridge.launch.py", IfCondition(LaunchConfiguration("use_bridge"))),
+            _include("egophys_twin", "observer.launch.py", IfCondition(LaunchConfiguration("use_observer"))),
         ]
     )
 

@@ -25,7 +25,7 @@ FLOW_MISS_PX = 1.5
 HELD_RADIUS_M = 0.02
 """Metres around the tip within which vertices are held; about a finger and a thumb."""
 
-RELEASED_PX = 7
+RELEASED_PX = 15
 """Pixels: held vertices this far out of the hand's mask have slipped out or been let go."""
 
 

@@ -45,6 +45,9 @@ HAND_DEPTH_SHARE = 0.015
 """Of the distance: error of a depth that is told by the width of the hand. Widths are good to 3 %, but the few vertices
 that are held must move the many that hang on them."""
 
+WIDTH_GAIN = 0.1
+"""How fast the width of the hand at a distance is learnt while it holds: its outline at the grip is often half hidden."""
+
 WIDTHS = 5
 """Views over which the median of the hand's width is taken."""
 
@@ -131,6 +134,7 @@ class SurfaceTracker:
         seen = np.zeros(len(self._corners), bool)
         seen[self._found.features] = True
         self._take_hold(view, masks, seen)
+        self._learn_width(view)
         return SurfaceState(
             positions=fitted.positions,
             sigma=fitted.sigma,
@@ -209,6 +213,15 @@ class SurfaceTracker:
         depth = self._width_times_depth / float(np.median(self._widths))
         return Distances(vertices=self._grip.vertices, depth=depth, sigma=HAND_DEPTH_SHARE * depth)
 
+    def _learn_width(self, view: View) -> None:
+        if self._grip is None or not self._widths:
+            return
+        product = float(np.median(self._widths)) * self._hand_depth(view)
+        known = np.isfinite(self._width_times_depth)
+        self._width_times_depth = (
+            (1 - WIDTH_GAIN) * self._width_times_depth + WIDTH_GAIN * product if known else product
+        )
+
     def _hand_depth(self, view: View) -> float:
         if self._grip is not None:
             held = project(self._positions[self._grip.vertices], view.camera_matrix, view.world_from_camera)
@@ -228,8 +241,6 @@ class SurfaceTracker:
             covered = feature_search.scene_of(self._rest, skins, view).rendering.silhouette
             self._grip = take_hold(places, masks, covered, view.camera_matrix[0, 0])
             self._has_gripped = self._grip is not None
-            if self._widths:
-                self._width_times_depth = float(np.median(self._widths)) * self._hand_depth(view)
 
 
 def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, doubt: float) -> Sightings:

@@ -254,7 +254,10 @@ def report(parsed: argparse.Namespace, folder: Path, outcomes: Outcomes) -> int:
     """Evaluate, replay, draw, and print the tables; 0 if the replay was the same."""
     episode = outcomes.episode
     twin = load_twin(folder / "object.twin")
-    scores, _ = evaluate_twin(twin, episode)
+    measured = parsed.measured or (MEASURED if parsed.episode == EPISODE else None)
+    # Perception leaves out what it cannot see; what was measured judges the twin on that too.
+    judge = read_episode(measured) if measured is not None else episode
+    scores, _ = evaluate_twin(twin, judge)
     with console.status("replaying the log"):
         comparisons = replay_log(folder / "log")
     picture = folder / "shapes.png"
@@ -271,15 +274,14 @@ def report(parsed: argparse.Namespace, folder: Path, outcomes: Outcomes) -> int:
         ghost=outcomes.target,
         ground=twin.ground_height,
     )
-    measured = parsed.measured or (MEASURED if parsed.episode == EPISODE else None)
     if measured is not None:
-        errors = score_points(paths(episode), paths(read_episode(measured)))
+        errors = score_points(paths(episode), paths(judge))
         console.print(
             f"perceived against measured points: {1000 * errors.mean_m:.1f} mm on average, 95 % within "
             f"{1000 * errors.p95_m:.1f} mm, over {errors.coverage:.0%} of the points seen"
         )
-    contact = contact_flags(episode, find_hands(episode))
-    print_scores(f"fit of {episode.name}", {"twin": scores, **baseline_scores(episode, contact)})
+    contact = contact_flags(judge, find_hands(judge))
+    print_scores(f"fit of {episode.name} against {judge.name}", {"twin": scores, **baseline_scores(judge, contact)})
     table = Table(title="distance of the object to the target shape (two-way Chamfer, mm)", title_justify="left")
     for name in ("before planning", "predicted", "after execution*"):
         table.add_column(name, justify="right")

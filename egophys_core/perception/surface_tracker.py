@@ -46,7 +46,7 @@ HAND_DEPTH_SHARE = 0.015
 that are held must move the many that hang on them."""
 
 WIDTH_GAIN = 0.1
-"""How fast the width of the hand at a distance is learnt while it holds: its outline at the grip is often half hidden."""
+"""How fast the width of a hand at a distance is learnt while it holds; at the grip its outline is often half hidden."""
 
 WIDTHS = 5
 """Views over which the median of the hand's width is taken."""

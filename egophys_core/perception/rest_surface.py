@@ -32,7 +32,7 @@ FLATTEST_M = 0.025
 FEATURE_STEP = 3
 """Pixels between tracked places, at least."""
 
-SHEET_STRAIN = (0.01, 0.02)
+SHEET_STRAIN = (0.03, 0.03)
 SOLID_STRAIN = (0.01, 0.01)
 """Standard deviations of the strain in stretch and in shortening."""
 

@@ -45,7 +45,7 @@ HAND_DEPTH_SHARE = 0.015
 """Of the distance: error of a depth that is told by the width of the hand. Widths are good to 3 %, but the few vertices
 that are held must move the many that hang on them."""
 
-WIDTH_GAIN = 0.1
+WIDTH_GAIN = 0.02
 """How fast the width of a hand at a distance is learnt while it holds; at the grip its outline is often half hidden."""
 
 WIDTHS = 5

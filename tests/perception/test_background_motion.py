@@ -97,6 +97,7 @@ def test_world_stands_on_the_table_where_the_first_camera_looks(table):
     assert first[2, 2] < 0
 
 
+@pytest.mark.slow
 def test_long_path_goes_over_keyframes_and_closes(table):
     angle = np.linspace(0, 2 * np.pi, 60)
     poses = np.array(

@@ -97,7 +97,7 @@ def test_held_vertices_go_along_until_they_leave_the_hand() -> None:
     kept = follow(grip, stay, hand_mask())
     assert kept is not None
     np.testing.assert_array_equal(kept.vertices, [4, 8])
-    half = follow(grip, stay + [[0, 0, 0], [0, 0, -14.0]], hand_mask())
+    half = follow(grip, stay + [[0, 0, 0], [0, 0, -22.0]], hand_mask())
     assert half is not None
     np.testing.assert_array_equal(half.vertices, [4])
     assert follow(grip, stay + [[0, 0, 0], [0, 0, -60.0]], hand_mask()) is None

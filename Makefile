@@ -22,6 +22,9 @@ IN_ENV := source tools/ros_env.sh &&
 demo: build ## Video to twin to plan to arm, on a recorded episode: about 5 minutes the first time
 	@$(IN_ENV) python examples/demo.py --out out/demo
 
+# The tests' matrices are small: threads of the linear algebra would wait for each other longer than they work.
+test test-all: export OPENBLAS_NUM_THREADS := 1
+
 test: check build ## Everything but the slow tests
 	@$(IN_ENV) python -m pytest -m "not slow"
 

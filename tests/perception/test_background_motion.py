@@ -115,6 +115,7 @@ def test_long_path_goes_over_keyframes_and_closes(table):
     assert turns.max() < 0.1
 
 
+@pytest.mark.slow
 def test_orbit_around_the_table(table):
     # From the far side the first image's origin is behind the camera: the sign of the homography must not flip.
     angle = np.linspace(0, 1.2 * np.pi, 50)
@@ -209,6 +210,7 @@ def test_no_frames_and_wrong_frames_are_refused(table):
         background_poses([], MATRIX, height_m=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not VIDEOS.is_dir(), reason="the recorded videos (../shared/data/video) are not on this machine")
 @pytest.mark.parametrize("name", ["towel_lift", "plush_pull"])
 def test_recorded_video_without_its_board(name):

@@ -35,3 +35,7 @@ class RobotError(EgophysError):
 
 class OutputError(EgophysError):
     """A result cannot be written where it was asked for."""
+
+
+class DiscrepancyError(EgophysError):
+    """The discrepancy between a twin and its episodes cannot be looked into."""

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -19,16 +20,32 @@ BASE = {"errors", "files", "options", "episode", "waypoint_plan"}
 MAY_USE = {
     "recording": set(),
     "perception": {"recording"},
-    "twin": set(),
+    "twin": {"effects"},
     "robot": set(),
     "reporting": set(),
-    "simulation": {"twin"},
+    "effects": set(),
+    "simulation": {"twin", "effects"},
     "evaluation": set(),
     "identification": {"twin", "simulation", "evaluation"},
+    "discrepancy": {"effects", "twin", "simulation", "evaluation", "identification", "reporting"},
     "planning": {"twin", "simulation", "evaluation"},
+    "rehearsal": set(),
     "episode_source": {"recording", "perception"},
     "replay": {"recording", "twin", "identification", "planning"},
-    "cli": {"episode_source", "recording", "perception", "twin", "evaluation", "identification", "planning", "replay"},
+    "cli": {
+        "episode_source",
+        "recording",
+        "perception",
+        "effects",
+        "twin",
+        "evaluation",
+        "identification",
+        "discrepancy",
+        "planning",
+        "rehearsal",
+        "reporting",
+        "replay",
+    },
 }
 """Which rooms a room may import from besides itself (DESIGN.md: data flow one way, never sideways)."""
 
@@ -38,7 +55,12 @@ HEAVY = ("torch", "rclpy")
 def room_of(path: Path) -> str:
     """The room a file is in; a module beside the rooms is one of its own."""
     parts = path.relative_to(PACKAGE).with_suffix("").parts
-    return "package" if parts == ("__init__",) else parts[0]
+    return "package" if parts == ("__init__",) else room_named(parts)
+
+
+def room_named(parts: Sequence[str]) -> str:
+    """The room of a module's path; the library of effects is one of its own, at the bottom of the house."""
+    return "effects" if tuple(parts[:2]) == ("discrepancy", "effects") else parts[0]
 
 
 def imported_rooms(path: Path) -> set[str]:
@@ -54,7 +76,7 @@ def imported_rooms(path: Path) -> set[str]:
         for name in names:
             parts = name.split(".")
             if parts[0] == "egophys_core" and len(parts) > 1 and parts[1] != "__version__":
-                found.add(parts[1])
+                found.add(room_named(parts[1:]))
     return found
 
 

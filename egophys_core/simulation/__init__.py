@@ -1,8 +1,10 @@
 """Spring-mass rollouts in Warp: a batch of K at once, on the CPU or CUDA from the same kernels."""
 
-from egophys_core.simulation.batch import RolloutBatch, batch_of_models, spring_order
+from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.effects import ForceEffect
+from egophys_core.simulation.loads import with_actions
+from egophys_core.simulation.model_batch import batch_of_models, spring_order
 from egophys_core.simulation.rollout import Rollout, rollout
 
 __all__ = [
@@ -14,4 +16,5 @@ __all__ = [
     "batch_of_models",
     "rollout",
     "spring_order",
+    "with_actions",
 ]

@@ -1,15 +1,14 @@
 """RolloutBatch: everything K rollouts need, with graphs and parameters of their own."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from egophys_core.discrepancy.effects.effect import Action
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.controls import Controls
 from egophys_core.simulation.effects import ForceEffect
-from egophys_core.simulation.springs import UNLIMITED
-from egophys_core.twin import ObjectKind, ObjectModel, PhysicalParameters, SpringKind
+from egophys_core.twin import PhysicalParameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +46,8 @@ class RolloutBatch:
     """World z of the table, metres."""
     effects: tuple[ForceEffect, ...] = ()
     """Forces beyond the base simulator's."""
+    actions: tuple[tuple[Action, ...], ...] = ()
+    """K tuples of what decides on loads frame by frame (`loads.with_actions`), or none at all."""
 
     def __post_init__(self) -> None:
         count, springs = self.count, len(self.springs)
@@ -110,64 +111,5 @@ class RolloutBatch:
             parameters=tuple(self.parameters[row] for row in rows),
             controls=tuple(self.controls[row] for row in rows),
             effects=tuple(replace(effect, numbers=effect.numbers[rows]) for effect in self.effects),
+            actions=tuple(self.actions[row] for row in rows) if self.actions else (),
         )
-
-
-def batch_of_models(
-    models: Sequence[ObjectModel],
-    controls: Sequence[Controls],
-    *,
-    starts: Sequence[np.ndarray] | None = None,
-    ground_height: float,
-) -> RolloutBatch:
-    """Rollouts, from rest, of models with the same nodes (graphs and parameters may differ), one control each.
-
-    Args:
-        starts: per model [N, 3] metres where its nodes lie at the start; by default the graph's own positions.
-    """
-    first = models[0]
-    nodes = len(first.graph.positions)
-    for model in models:
-        if len(model.graph.positions) != nodes or model.kind != first.kind:
-            raise SimulationError("a batch needs models of one object: the same kind and number of nodes")
-    codes = [_codes(model) for model in models]
-    # A pair can be a structural spring of one model and a bending spring of another: one entry serves both.
-    union = np.unique(np.concatenate(codes))
-    shape = (len(models), len(union))
-    stiffness, damping = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    rest_lengths, longest_extensions = np.ones(shape, np.float32), np.full(shape, UNLIMITED, np.float32)
-    for row, (model, code) in enumerate(zip(models, codes, strict=True)):
-        columns = np.searchsorted(union, code)
-        stiffness[row, columns] = model.stiffness
-        damping[row, columns] = model.spring_damping
-        rest_lengths[row, columns] = model.graph.rest_lengths
-        structural = model.graph.kinds == SpringKind.STRUCTURAL
-        longest_extensions[row, columns[structural]] = (
-            model.parameters.strain_limit * model.graph.rest_lengths[structural]
-        )
-    positions = starts if starts is not None else [model.graph.positions for model in models]
-    return RolloutBatch(
-        springs=np.stack([union // nodes, union % nodes], axis=1).astype(np.int32),
-        stiffness=stiffness,
-        damping=damping,
-        rest_lengths=rest_lengths,
-        longest_extensions=longest_extensions,
-        masses=np.stack([model.node_masses for model in models]),
-        positions=np.stack(list(positions)).astype(np.float32),
-        velocities=np.zeros((len(models), nodes, 3), np.float32),
-        rest_positions=first.graph.positions,
-        parameters=tuple(model.parameters for model in models),
-        controls=tuple(controls),
-        flat=first.kind == ObjectKind.SHEET,
-        ground_height=ground_height,
-    )
-
-
-def spring_order(model: ObjectModel) -> np.ndarray:
-    """[E] where each spring of a model stands in `batch_of_models([model], ...)`."""
-    return np.argsort(np.argsort(_codes(model)))
-
-
-def _codes(model: ObjectModel) -> np.ndarray:
-    """One number per spring that names its pair of nodes; sorted, they order springs by their first node."""
-    return model.graph.springs[:, 0].astype(np.int64) * len(model.graph.positions) + model.graph.springs[:, 1]

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from egophys_core.discrepancy.effects.effect import Scene
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments, attach
 from egophys_core.simulation.batch import RolloutBatch
@@ -23,6 +24,7 @@ from egophys_core.simulation.device_arrays import (
 from egophys_core.simulation.frame_advance import frame_advance
 from egophys_core.simulation.integrator import FASTEST
 from egophys_core.simulation.lanes import group_count, pack, unpack
+from egophys_core.simulation.loads import Loads
 from egophys_core.simulation.self_collision import PairArrays
 from egophys_core.simulation.springs import SpringArrays
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, largest_eigenvalues, stable_substeps
@@ -92,6 +94,7 @@ class Engine:
         self.finder = PairFinder(batch.rest_positions, distances, device) if distances.any() else None
         self.no_pairs = PairArrays()
         self.advance = frame_advance(self.groups, self.nodes, self.controllers.shape[2], device)
+        self.loads = Loads(batch) if batch.actions else None
         self.segments: list[Segment] = []
         """Of each frame advanced so far."""
         self.failures: list[str | None] = [None] * batch.count
@@ -112,6 +115,8 @@ class Engine:
         """
         segment = self._segment(frame)
         self.segments.append(segment)
+        if self.loads is not None:
+            segment = self._loaded(self.loads, frame, segment)
         frames = np.full(self.batch.count, frame)
         self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
         self._record_divergence(frame, segment)
@@ -125,6 +130,47 @@ class Engine:
         if np.array_equal(durations, last.durations):
             return last
         return replace(last, durations=durations, substeps=self._substeps(durations, last.rates))
+
+    def _loaded(self, loads: Loads, frame: int, segment: Segment) -> Segment:
+        """Put the loads of this frame on the device; the segment with as many substeps as they ask for."""
+        before = loads.grip_shifts
+        after = loads.act(self._scenes(frame, segment))
+        if before.any() or after.any():
+            record = np.stack([controls.positions[frame : frame + 2] for controls in self.batch.controls])
+            self.controllers[:, frame] = record[:, 0] + before
+            self.controllers[:, frame + 1] = record[:, 1] + after
+        self.numbers.assign(pack(loads.numbers))
+        if not loads.springs_change:
+            return segment
+        self.springs.stiffness.assign(pack(loads.stiffness))
+        self.springs.rest_lengths.assign(pack(loads.rest_lengths))
+        stiffening = loads.stiffening()
+        rates = [(rate * stiffer, slow) for (rate, slow), stiffer in zip(segment.rates, stiffening, strict=True)]
+        return replace(segment, substeps=self._substeps(segment.durations, rates))
+
+    def _scenes(self, frame: int, segment: Segment) -> list[Scene | None]:
+        positions, velocities = self.node_positions(), self.node_velocities()
+        batch = self.batch
+        return [
+            Scene(
+                time=float(self.times[frame]),
+                duration=float(segment.durations[row]),
+                positions=positions[row].astype(np.float64),
+                velocities=velocities[row].astype(np.float64),
+                rest_positions=batch.rest_positions,
+                masses=batch.masses[row],
+                springs=batch.springs,
+                rest_lengths=batch.rest_lengths[row],
+                controllers=self.controllers[row, frame],
+                controller_velocities=self.controller_velocities[row, frame],
+                held=segment.attachments[row].holding(),
+                contact_height=batch.ground_height + batch.parameters[row].contact_radius,
+                gravity=batch.parameters[row].gravity,
+            )
+            if self.failures[row] is None
+            else None
+            for row in range(batch.count)
+        ]
 
     def frame_inputs(self, frames: np.ndarray, segment: Segment) -> FrameInputs:
         """What the kernels read in a frame of each rollout, `frames` [K], that begins with the present state."""

@@ -5,6 +5,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from egophys_core.discrepancy.effects.effect import TwinEffect
 from egophys_core.errors import TwinError
 from egophys_core.twin.graph import SpringGraph, SpringKind
 from egophys_core.twin.parameters import PhysicalParameters
@@ -28,6 +29,8 @@ class ObjectModel:
     parameters: PhysicalParameters
     stiffness: np.ndarray
     """[E] float32, N/m, per spring."""
+    effects: tuple[TwinEffect, ...] = ()
+    """What acts besides springs, gravity, table and hands (`discrepancy.effects`)."""
 
     def __post_init__(self) -> None:
         if self.stiffness.shape != (len(self.graph.springs),):

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from egophys_core.discrepancy.effects import TwinEffect, effect_named
 from egophys_core.errors import TwinError
 from egophys_core.files import write_atomically
 from egophys_core.twin.graph import SpringGraph
@@ -15,8 +16,10 @@ from egophys_core.twin.model import ObjectKind, ObjectModel
 from egophys_core.twin.parameters import PhysicalParameters
 from egophys_core.twin.twin import Provenance, Twin
 
-FORMAT_VERSION = 1
-"""Raised when a reader of the previous version would misread the file."""
+FORMAT_VERSION = 2
+"""Raised when a reader of the previous version would misread the file. 2 added effects."""
+
+READABLE = (1, 2)
 
 
 def encode_twin(twin: Twin) -> bytes:
@@ -42,8 +45,8 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
         raise TwinError(
             f"{name} is not a twin file, or it is cut ({error}); build it again with egophys build"
         ) from error
-    if version != FORMAT_VERSION:
-        raise TwinError(f"{name} has twin format {version}, this version reads {FORMAT_VERSION}; build it again")
+    if version not in READABLE:
+        raise TwinError(f"{name} has twin format {version}, this version reads up to {READABLE[-1]}; build it again")
     try:
         stiffness, grasp = arrays.pop("stiffness"), arrays.pop("grasp")
         provenance = header["provenance"]
@@ -53,6 +56,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
                 graph=SpringGraph(**arrays),
                 parameters=PhysicalParameters(**header["parameters"]),
                 stiffness=stiffness,
+                effects=tuple(_effect(each) for each in header.get("effects", [])),
             ),
             grasp=grasp,
             ground_height=header["ground_height"],
@@ -60,6 +64,15 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
         )
     except (TypeError, KeyError, ValueError) as error:
         raise TwinError(f"{name} lacks or has unknown twin fields ({error}); build it again") from error
+
+
+def _effect(content: dict[str, Any]) -> TwinEffect:
+    """An effect with exactly the parameters that the library knows."""
+    effect = TwinEffect(name=content["name"], values={key: float(each) for key, each in content["values"].items()})
+    known = {parameter.name for parameter in effect_named(effect.name).parameters}
+    if set(effect.values) != known:
+        raise ValueError(f"effect {effect.name} has parameters {sorted(effect.values)}, not {sorted(known)}")
+    return effect
 
 
 def save_twin(twin: Twin, path: Path) -> None:

@@ -61,7 +61,9 @@ class Twin:
 
     def header(self) -> dict[str, Any]:
         """All that is not an array, as JSON types."""
+        effects = [asdict(effect) for effect in self.model.effects]
         return {
+            **({"effects": effects} if effects else {}),
             "kind": str(self.model.kind),
             "parameters": asdict(self.model.parameters),
             "ground_height": self.ground_height,

@@ -1,0 +1,33 @@
+"""A steady force on all of the object: wind, or a field."""
+
+from typing import Any
+
+import numpy as np
+
+from egophys_core.discrepancy.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+
+
+def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
+    """The same acceleration for all nodes, m/s^2."""
+    acceleration = np.array([values["x"], values["y"], values["z"]])
+    return Load(acceleration=np.broadcast_to(acceleration, scene.positions.shape)), None
+
+
+def starts(surroundings: Surroundings) -> list[dict[str, float]]:
+    """One: nothing but the size is searched."""
+    return [{"x": 0.3, "y": 0.3, "z": 0.3}]
+
+
+EFFECT = Effect(
+    name="constant_body_force",
+    summary="a steady force on every part of the object, the same everywhere",
+    equation="a = (x, y, z)",
+    source="Landau and Lifshitz, Mechanics (1976), sec. 5: a uniform field",
+    parameters=tuple(
+        Parameter(name=axis, unit="m/s^2", low=-6.0, high=6.0, step=0.3, null=0.0) for axis in ("x", "y", "z")
+    ),
+    mimics=("gravity_tilt", "gravity_scale", "tracking_offset", "point_attraction", "hidden_tether"),
+    experiment="let it hang still from one corner, then turn the whole set-up by 90 degrees: a tilt turns with it",
+    starts=starts,
+    load=load,
+)

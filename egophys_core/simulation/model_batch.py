@@ -1,0 +1,115 @@
+"""From object models and controls to the batch that is rolled out."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from egophys_core.discrepancy.effects import effect_named
+from egophys_core.discrepancy.effects.effect import Action, Body
+from egophys_core.errors import SimulationError
+from egophys_core.simulation.batch import RolloutBatch
+from egophys_core.simulation.controls import Controls
+from egophys_core.simulation.loads import with_actions
+from egophys_core.simulation.springs import UNLIMITED
+from egophys_core.twin import ObjectKind, ObjectModel, SpringKind
+
+
+def batch_of_models(
+    models: Sequence[ObjectModel],
+    controls: Sequence[Controls],
+    *,
+    starts: Sequence[np.ndarray] | None = None,
+    ground_height: float,
+) -> RolloutBatch:
+    """Rollouts, from rest, of models with the same nodes (graphs and parameters may differ), one control each.
+
+    Args:
+        starts: per model [N, 3] metres where its nodes lie at the start; by default the graph's own positions.
+    """
+    first = models[0]
+    nodes = len(first.graph.positions)
+    for model in models:
+        if len(model.graph.positions) != nodes or model.kind != first.kind:
+            raise SimulationError("a batch needs models of one object: the same kind and number of nodes")
+    positions = [model.graph.positions for model in models] if starts is None else list(starts)
+    bodies = [_body(model, start) for model, start in zip(models, positions, strict=True)]
+    codes = [_codes(model) for model in models]
+    # A pair can be a structural spring of one model and a bending spring of another: one entry serves both.
+    union = np.unique(np.concatenate(codes))
+    shape = (len(models), len(union))
+    stiffness, damping = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
+    rest_lengths, longest_extensions = np.ones(shape, np.float32), np.full(shape, UNLIMITED, np.float32)
+    for row, (model, body, code) in enumerate(zip(models, bodies, codes, strict=True)):
+        columns = np.searchsorted(union, code)
+        stiffness[row, columns] = body.stiffness
+        damping[row, columns] = body.damping
+        rest_lengths[row, columns] = model.graph.rest_lengths
+        structural = model.graph.kinds == SpringKind.STRUCTURAL
+        longest_extensions[row, columns[structural]] = (
+            model.parameters.strain_limit * model.graph.rest_lengths[structural]
+        )
+    batch = RolloutBatch(
+        springs=np.stack([union // nodes, union % nodes], axis=1).astype(np.int32),
+        stiffness=stiffness,
+        damping=damping,
+        rest_lengths=rest_lengths,
+        longest_extensions=longest_extensions,
+        masses=np.stack([body.masses for body in bodies]).astype(np.float32),
+        positions=np.stack(positions).astype(np.float32),
+        velocities=np.zeros((len(models), nodes, 3), np.float32),
+        rest_positions=first.graph.positions,
+        parameters=tuple(
+            replace(model.parameters, gravity=body.gravity) for model, body in zip(models, bodies, strict=True)
+        ),
+        controls=tuple(_driven(model, each) for model, each in zip(models, controls, strict=True)),
+        flat=first.kind == ObjectKind.SHEET,
+        ground_height=ground_height,
+    )
+    return with_actions(batch, tuple(_actions(model) for model in models))
+
+
+def _body(model: ObjectModel, start: np.ndarray) -> Body:
+    """The body of a model as its effects make it."""
+    graph = model.graph
+    body = Body(
+        positions=start.astype(np.float64),
+        rest_positions=graph.positions.astype(np.float64),
+        masses=model.node_masses.astype(np.float64),
+        springs=graph.springs,
+        bending=graph.kinds == SpringKind.BENDING,
+        stiffness=model.stiffness.astype(np.float64),
+        damping=model.spring_damping.astype(np.float64),
+        gravity=model.parameters.gravity,
+    )
+    for term in model.effects:
+        adapt = effect_named(term.name).adapt
+        body = adapt(term.values, body) if adapt else body
+    return body
+
+
+def _driven(model: ObjectModel, controls: Controls) -> Controls:
+    """Controls as the effects of a model change them."""
+    for term in model.effects:
+        drive = effect_named(term.name).drive
+        if drive:
+            moved = drive(term.values, controls.times, controls.positions.astype(np.float64))
+            controls = replace(controls, positions=moved.astype(np.float32))
+    return controls
+
+
+def _actions(model: ObjectModel) -> tuple[Action, ...]:
+    """What the effects of a model do in each frame."""
+    terms = [(effect_named(term.name).load, term.values) for term in model.effects]
+    return tuple(partial(load, values) for load, values in terms if load)
+
+
+def spring_order(model: ObjectModel) -> np.ndarray:
+    """[E] where each spring of a model stands in `batch_of_models([model], ...)`."""
+    return np.argsort(np.argsort(_codes(model)))
+
+
+def _codes(model: ObjectModel) -> np.ndarray:
+    """One number per spring that names its pair of nodes; sorted, they order springs by their first node."""
+    return model.graph.springs[:, 0].astype(np.int64) * len(model.graph.positions) + model.graph.springs[:, 1]

@@ -1,0 +1,154 @@
+"""`egophys rehearse --out DIR`."""
+
+import argparse
+import json
+import os
+import shutil
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from egophys_core.cli.display import print_json, progress_bar
+from egophys_core.errors import OptionsError, OutputError
+from egophys_core.options import from_mapping, to_mapping
+from egophys_core.recording import write_episode
+from egophys_core.rehearsal import PLANTS, Motion, RehearsalObject, RehearsalOptions, complete_effects, planted_sizes
+from egophys_core.rehearsal import rehearse as rehearse_episode
+
+NAME = "rehearse"
+HELP = "Record episodes of a soft object in a physics engine that is not the twin's, with any effect planted."
+
+NUMBERS = ("duration_s", "rate_hz", "points", "noise_m", "dropout", "spread")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the subcommand."""
+    parser.add_argument(
+        "--out", required=True, type=Path, metavar="DIR", help="folder to make: a bag an episode, and truth.json"
+    )
+    parser.add_argument("--object", choices=[str(each) for each in RehearsalObject], default="sheet")
+    parser.add_argument(
+        "--motions",
+        nargs="+",
+        choices=[str(each) for each in Motion],
+        default=["lift", "double_pull", "double_lift", "pull"],
+        metavar="MOTION",
+        help=f"an episode each, of {', '.join(Motion)}; default lift double_pull double_lift pull",
+    )
+    parser.add_argument(
+        "--effect", nargs="+", default=["none"], metavar="NAME", help=f"none (default), or of {', '.join(PLANTS)}"
+    )
+    parser.add_argument("--size", choices=("small", "large"), default="large", help="of the effects; default large")
+    parser.add_argument(
+        "--parameter",
+        nargs="+",
+        default=[],
+        metavar="NAME=VALUE",
+        help="of the effect, in SI units, in place of the size's; EFFECT.NAME=VALUE where there are several effects",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the motions and of what is seen; default 0")
+    parser.add_argument("--object-seed", type=int, default=0, help="of the object; default 0")
+    for name in NUMBERS:
+        field = RehearsalOptions.__dataclass_fields__[name]
+        low, high, doc = (field.metadata[key] for key in ("low", "high", "doc"))
+        parser.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=type(field.default),
+            default=field.default,
+            help=f"{doc} ({low:g} .. {high:g}; default {field.default})",
+        )
+    parser.add_argument("--no-occlusion", dest="occlusion", action="store_false", help="see all points from all sides")
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a sentence")
+
+
+def run(parsed: argparse.Namespace) -> int:
+    """Rehearse and write."""
+    options = from_mapping(
+        RehearsalOptions, {name: getattr(parsed, name) for name in ("object", "occlusion", *NUMBERS)}
+    )
+    effects = _effects(parsed)
+    _require_new(parsed.out)
+    truth = _truth(parsed, options, effects)
+    # All episodes or none: they are made in a hidden folder beside the final one, which is then renamed.
+    making = Path(tempfile.mkdtemp(dir=parsed.out.parent, prefix=f".{parsed.out.name}.", suffix=".part"))
+    try:
+        with progress_bar() as report:
+            for number, motion in enumerate(parsed.motions):
+                episode = rehearse_episode(
+                    options,
+                    Motion(motion),
+                    seed=parsed.seed + number,
+                    effects=effects,
+                    object_seed=parsed.object_seed,
+                    report=lambda share, motion=motion, number=number: report(  # type: ignore[misc]
+                        "rehearse", (number + share) / len(parsed.motions), motion
+                    ),
+                )
+                write_episode(episode, making / f"episode_{number}")
+        (making / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
+        making.chmod(0o755)
+        os.rename(making, parsed.out)
+    except OSError as error:
+        raise OutputError(f"cannot write {parsed.out}: {error.strerror}") from error
+    finally:
+        shutil.rmtree(making, ignore_errors=True)
+    if parsed.json:
+        print_json({"folder": str(parsed.out), **truth})
+    else:
+        print(
+            f"{len(parsed.motions)} episodes of a {options.object} with {', '.join(effects) or 'no effect'} "
+            f"written to {parsed.out}"
+        )
+    return 0
+
+
+def _effects(parsed: argparse.Namespace) -> dict[str, dict[str, float]]:
+    """What to plant, with every parameter."""
+    names = [] if parsed.effect == ["none"] else parsed.effect
+    effects = {name: planted_sizes(name)[parsed.size] for name in names}
+    for assignment in parsed.parameter:
+        place, _, value = assignment.partition("=")
+        effect, _, parameter = place.rpartition(".")
+        effect = effect or (names[0] if len(names) == 1 else "")
+        if effect not in effects:
+            raise OptionsError(
+                f"--parameter {assignment}: give EFFECT.NAME=VALUE with an effect of --effect, "
+                f"which are {', '.join(effects) or 'none'}"
+            )
+        try:
+            effects[effect][parameter] = float(value)
+        except ValueError:
+            raise OptionsError(f"--parameter {assignment}: {value!r} is no number") from None
+    return complete_effects(effects)
+
+
+def _require_new(folder: Path) -> None:
+    if folder.exists():
+        raise OutputError(f"{folder}: exists already and is not overwritten; choose another name or move it away")
+    if not folder.parent.is_dir():
+        raise OutputError(f"cannot write {folder}: folder {folder.parent} does not exist; create it first")
+    if not os.access(folder.parent, os.W_OK):
+        raise OutputError(f"cannot write {folder}: no right to write in {folder.parent}")
+
+
+def _truth(
+    parsed: argparse.Namespace, options: RehearsalOptions, effects: dict[str, dict[str, float]]
+) -> dict[str, Any]:
+    """What is in the episodes, for whoever judges a diagnosis of them."""
+    return {
+        "object": str(options.object),
+        "object_seed": parsed.object_seed,
+        "effects": [
+            {
+                "name": name,
+                "equation": PLANTS[name].equation,
+                "parameters": {key: {"value": value, "unit": PLANTS[name].units[key]} for key, value in values.items()},
+            }
+            for name, values in effects.items()
+        ],
+        "episodes": [
+            {"folder": f"episode_{number}", "motion": motion, "seed": parsed.seed + number}
+            for number, motion in enumerate(parsed.motions)
+        ],
+        "options": to_mapping(options),
+    }

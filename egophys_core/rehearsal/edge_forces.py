@@ -1,0 +1,140 @@
+"""Planted material laws: extra tensions along the edges of the mesh, some with a memory."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from egophys_core.rehearsal.bodies import SoftBody
+from egophys_core.rehearsal.state import ForceTerm, StepState
+
+LARGEST_STRAIN = 0.25
+"""Strain beyond which a law goes on as at this strain: it keeps a cubic law within what the step can follow."""
+
+LARGEST_PLASTIC_STRAIN = 0.3
+"""A rest length changes by this share at most."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edges:
+    """The edges of a mesh. Their share of the material makes them springs of a comparable stiffness."""
+
+    ends: np.ndarray
+    """[E, 2] vertex indices."""
+    lengths: np.ndarray
+    """[E] metres, unstrained."""
+    directions: np.ndarray
+    """[E, 3] unit vectors, unstrained."""
+    stretch_stiffness: np.ndarray
+    """[E] N: EA, Young's modulus times an edge's share of the volume over its length."""
+
+
+Law = Callable[[np.ndarray, float], np.ndarray]
+"""From strains [E] and the step's duration in seconds to tensions over EA, [E]."""
+
+
+def make_edges(body: SoftBody, ends: np.ndarray) -> Edges:
+    """The edges `ends` [E, 2] of a body's elements."""
+    spans = body.vertices[ends[:, 1]] - body.vertices[ends[:, 0]]
+    lengths = np.linalg.norm(spans, axis=1)
+    corners = body.vertices[body.elements]
+    sides = corners[:, 1:] - corners[:, :1]
+    if body.is_sheet:
+        volumes = 0.5 * body.thickness * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    else:
+        volumes = np.abs(np.linalg.det(sides)) / 6.0
+    first, second = np.triu_indices(body.elements.shape[1], 1)
+    pairs = np.sort(np.stack([body.elements[:, first], body.elements[:, second]], axis=-1), axis=-1)
+    count = len(body.vertices)
+    shares = np.bincount(
+        (pairs[..., 0] * count + pairs[..., 1]).ravel(), np.repeat(volumes / len(first), len(first)), count * count
+    )
+    keys = np.sort(ends, axis=1)
+    share = shares[keys[:, 0] * count + keys[:, 1]]
+    return Edges(
+        ends=ends,
+        lengths=lengths,
+        directions=spans / lengths[:, None],
+        stretch_stiffness=body.young * share / lengths,
+    )
+
+
+def edge_tensions(edges: Edges, laws: list[Law], vertices: int) -> ForceTerm:
+    """The force of several laws on a mesh of so many vertices."""
+    index = np.arange(len(edges.lengths))
+    rows = np.concatenate([edges.ends[:, 0], edges.ends[:, 1]])
+    signs = np.repeat([1.0, -1.0], len(index))
+    gather = csr_array((signs, (rows, np.concatenate([index, index]))), shape=(vertices, len(index)))
+
+    def add(state: StepState, forces: np.ndarray) -> None:
+        spans = state.positions[edges.ends[:, 1]] - state.positions[edges.ends[:, 0]]
+        lengths = np.linalg.norm(spans, axis=1)
+        strains = np.clip(lengths / edges.lengths - 1.0, -LARGEST_STRAIN, LARGEST_STRAIN)
+        tensions = edges.stretch_stiffness * sum(law(strains, state.duration) for law in laws)
+        forces += gather @ ((tensions / np.maximum(lengths, 1e-9))[:, None] * spans)
+
+    return add
+
+
+def strain_stiffening(values: Mapping[str, float], edges: Edges) -> Law:
+    """The cubic term of a stress-strain curve."""
+    return lambda strains, duration: values["beta"] * strains**3
+
+
+def tension_compression_asymmetry(values: Mapping[str, float], edges: Edges) -> Law:
+    """Stiffer in tension than in compression."""
+    return lambda strains, duration: values["ratio"] * np.maximum(strains, 0.0)
+
+
+def anisotropy(values: Mapping[str, float], edges: Edges) -> Law:
+    """Fibres in one horizontal direction."""
+    fibre = np.array([np.cos(values["angle"]), np.sin(values["angle"]), 0.0])
+    share = values["ratio"] * (edges.directions @ fibre) ** 4
+    return lambda strains, duration: share * strains
+
+
+def viscoelasticity(values: Mapping[str, float], edges: Edges) -> Law:
+    """A spring and a dashpot in series, integrated exactly over a step of constant strain rate (Maxwell)."""
+    tension = np.zeros(len(edges.lengths))
+    last: np.ndarray | None = None
+
+    def law(strains: np.ndarray, duration: float) -> np.ndarray:
+        nonlocal tension, last
+        change = strains - last if last is not None else np.zeros_like(strains)
+        last = strains
+        decay = np.exp(-duration / values["tau"])
+        tension = decay * tension + values["ratio"] * change * (1.0 - decay) * values["tau"] / duration
+        return tension
+
+    return law
+
+
+def hysteresis(values: Mapping[str, float], edges: Edges) -> Law:
+    """Bouc-Wen with n = 1 and beta = gamma = 1/2 (Wen 1976): |z| stays within 1."""
+    z = np.zeros(len(edges.lengths))
+    last: np.ndarray | None = None
+
+    def law(strains: np.ndarray, duration: float) -> np.ndarray:
+        nonlocal z, last
+        change = strains - last if last is not None else np.zeros_like(strains)
+        last = strains
+        z = np.clip(z + (1.0 - np.abs(z) * 0.5 * (np.sign(z * change) + 1.0)) * change / values["w"], -1.0, 1.0)
+        return values["ratio"] * values["w"] * z
+
+    return law
+
+
+def plasticity(values: Mapping[str, float], edges: Edges, rest_lengths: np.ndarray) -> ForceTerm:
+    """No force: it moves the engine's `rest_lengths` [E] (overstress flow, Perzyna 1966)."""
+
+    def add(state: StepState, forces: np.ndarray) -> None:
+        lengths = np.linalg.norm(state.positions[edges.ends[:, 1]] - state.positions[edges.ends[:, 0]], axis=1)
+        strains = lengths / rest_lengths - 1.0
+        excess = np.sign(strains) * np.maximum(np.abs(strains) - values["yield_strain"], 0.0)
+        flowed = rest_lengths * (1.0 + excess * state.duration / values["tau"])
+        rest_lengths[:] = np.clip(
+            flowed, (1.0 - LARGEST_PLASTIC_STRAIN) * edges.lengths, (1.0 + LARGEST_PLASTIC_STRAIN) * edges.lengths
+        )
+
+    return add

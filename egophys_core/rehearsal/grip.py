@@ -1,0 +1,68 @@
+"""What a hand holds: stiff, damped ties from vertices to places that move with the hand."""
+
+import numpy as np
+
+from egophys_core.rehearsal.engine import HAND_RADIUS
+
+FREQUENCY = 400.0
+"""rad/s of a held vertex on its tie; far above the motion of the body and within what the step can follow."""
+
+REACH = HAND_RADIUS
+"""Metres from a hand's centre within which a vertex is held."""
+
+FEWEST_HELD = 4
+"""Vertices that a hand holds even when they are a little farther away."""
+
+FAINT_PULL = 0.05
+"""Share of the body's weight; a weaker pull slides nothing out of the hand."""
+
+
+class Grip:
+    """The vertices in the hands, from when the grip closes."""
+
+    def __init__(self, positions: np.ndarray, hands: np.ndarray) -> None:
+        """Hold the vertices at `positions` [V, 3] that are in reach of `hands` [H, 3]; one too far away holds none."""
+        distances = np.linalg.norm(positions[:, None] - hands, axis=2)
+        order = np.sort(distances, axis=0)[FEWEST_HELD - 1]
+        reach = np.where(order < 2.0 * REACH, np.maximum(order, REACH), 0.0)
+        held = (distances <= reach) & (distances == distances.min(axis=1, keepdims=True))
+        self.vertices, self._hand = np.nonzero(held)
+        """[A] what is held, and by which hand."""
+        self._offsets = positions[self.vertices] - hands[self._hand]
+        self._last_hands = hands
+        self._count = len(hands)
+
+    def add_forces(
+        self,
+        forces: np.ndarray,
+        *,
+        positions: np.ndarray,
+        velocities: np.ndarray,
+        masses: np.ndarray,
+        hands: np.ndarray,
+        duration: float,
+        slip: float,
+    ) -> None:
+        """Add the forces of the ties, N, to `forces` [V, 3].
+
+        Args:
+            forces: what to add to.
+            positions: [V, 3] metres.
+            velocities: [V, 3] m/s.
+            masses: [V] kg.
+            hands: [H, 3] metres, now.
+            duration: seconds since the last call.
+            slip: m/s at which what is held slides through each hand, to where it pulls.
+        """
+        hand_velocities = (hands - self._last_hands) / duration
+        self._last_hands = hands
+        stretch = hands[self._hand] + self._offsets - positions[self.vertices]
+        speed = hand_velocities[self._hand] - velocities[self.vertices]
+        ties = masses[self.vertices, None] * (FREQUENCY**2 * stretch + 2.0 * FREQUENCY * speed)
+        np.add.at(forces, self.vertices, ties)
+        if slip > 0.0:
+            pulls = np.zeros((self._count, 3))
+            np.add.at(pulls, self._hand, -masses[self.vertices, None] * FREQUENCY**2 * stretch)
+            sizes = np.linalg.norm(pulls, axis=1, keepdims=True)
+            strong = sizes > FAINT_PULL * 9.81 * masses.sum()
+            self._offsets += duration * slip * np.where(strong, pulls / np.maximum(sizes, 1e-9), 0.0)[self._hand]

@@ -1,0 +1,157 @@
+"""A soft body on a table, with whatever is planted, and hands that the caller moves."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from egophys_core.rehearsal.bodies import SoftBody
+from egophys_core.rehearsal.engine import AIR_DAMPING, GRAVITY, SETTLING_DAMPING, FlexEngine
+from egophys_core.rehearsal.grip import Grip
+from egophys_core.rehearsal.hands import HandsAt
+from egophys_core.rehearsal.planted_forces import FRICTIONS, MATERIAL, planted_terms
+from egophys_core.rehearsal.planting import complete_effects
+from egophys_core.rehearsal.state import StepState
+
+STEP = 0.0004
+"""Seconds a step; the elastic forces are explicit and would diverge from about 0.0008 on."""
+
+FINE_STEP = 0.0002
+"""Seconds a step when planted forces stiffen the body."""
+
+SETTLING = 0.6
+"""Seconds that the body has to come to rest before time zero."""
+
+
+class HandledBody:
+    """One body through one episode; the caller moves the hands."""
+
+    def __init__(
+        self, body: SoftBody, effects: Mapping[str, Mapping[str, float]], *, pressing: int = 0, folding: bool = False
+    ) -> None:
+        """Plant the effects and let the body come to rest.
+
+        Args:
+            body: what lies on the table.
+            effects: what is planted, with its parameters.
+            pressing: how many hands press as balls; these never grip.
+            folding: whether a sheet's layers touch each other, which takes two to four times as long.
+
+        Raises:
+            OptionsError: an effect or parameter is unknown.
+            EgophysError: MuJoCo is not installed.
+            SimulationError: the body does not come to rest.
+        """
+        self.effects = complete_effects(effects)
+        self.body = body
+        self.time = 0.0
+        self._steps = 0
+        self._pressing = pressing
+        self._step_s = FINE_STEP if self.effects.keys() & MATERIAL else STEP
+        self._engine = FlexEngine(body, step=self._step_s, pressing=pressing, folding=folding)
+        self._grip: Grip | None = None
+        self._last_hands: np.ndarray | None = None
+        self._set_gravity()
+        if "uneven_mass" in self.effects:
+            self._engine.set_masses(_lumped(body.vertices, self._engine.masses, self.effects["uneven_mass"]))
+        self._masses = self._engine.masses.copy()
+        self._needs_pressures = bool(self.effects.keys() & FRICTIONS.keys())
+        self._terms = planted_terms(self.effects, body, self._engine)
+        self._settle()
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """[V, 3] metres, where the body truly is."""
+        return self._engine.positions
+
+    @property
+    def points(self) -> np.ndarray:
+        """[N, 3] metres, where the tracked points truly are."""
+        return self.body.tracked(self._engine.positions)
+
+    @property
+    def delay(self) -> float:
+        """Seconds by which the hands are behind their record."""
+        return self.effects.get("control_delay", {"delay": 0.0})["delay"]
+
+    def true_hands(self, recorded: HandsAt) -> HandsAt:
+        """Where hands truly are whose record is `recorded`: late, and beside it, where that is planted."""
+        delay = self.delay
+        beside = self.effects.get("gripper_offset", {"x": 0.0, "y": 0.0, "z": 0.0})
+        offset = np.array([beside["x"], beside["y"], beside["z"]])
+        return lambda time: recorded(time - delay) + offset
+
+    def close_grip(self, hands: np.ndarray) -> None:
+        """Hold from now on what is near the hands, truly at `hands` [H, 3] metres."""
+        self._grip = Grip(self._engine.positions, hands)
+
+    def open_grip(self) -> None:
+        """Let go."""
+        self._grip = None
+
+    def advance(self, hands_at: HandsAt, until: float) -> None:
+        """Step to time `until`, seconds, with the hands truly at `hands_at`.
+
+        Raises:
+            SimulationError: the body diverged.
+        """
+        # Whole steps, counted, so that rounding does not add up.
+        while self._steps < round(until / self._step_s):
+            hands = hands_at(self.time)
+            self._advance_once(hands)
+            self._steps += 1
+            self.time = self._steps * self._step_s
+
+    def _advance_once(self, hands: np.ndarray) -> None:
+        engine = self._engine
+        state = StepState(
+            time=self.time,
+            duration=self._step_s,
+            positions=engine.positions,
+            velocities=engine.velocities,
+            masses=self._masses,
+            pressures=engine.table_pressures() if self._needs_pressures else np.zeros(len(self._masses)),
+        )
+        engine.forces[:] = 0.0
+        for term in self._terms:
+            term(state, engine.forces)
+        if self._grip is not None:
+            slip = self.effects.get("grasp_slip", {"rate": 0.0, "onset": np.inf})
+            self._grip.add_forces(
+                engine.forces,
+                positions=state.positions,
+                velocities=state.velocities,
+                masses=self._masses,
+                hands=hands,
+                duration=self._step_s,
+                slip=slip["rate"] if self.time >= slip["onset"] else 0.0,
+            )
+        if self._pressing:
+            before = hands if self._last_hands is None else self._last_hands
+            engine.place_balls(hands, (hands - before) / self._step_s)
+            self._last_hands = hands
+        engine.step()
+
+    def _settle(self) -> None:
+        """Come to rest, time running up to zero."""
+        nowhere = np.full((max(self._pressing, 1), 3), 10.0)
+        self._engine.set_damping(SETTLING_DAMPING)
+        self._steps = -round(SETTLING / self._step_s)
+        self.time = self._steps * self._step_s
+        self.advance(lambda _: nowhere, 0.0)
+        self._last_hands = None
+        self._engine.set_damping(AIR_DAMPING)
+        self._engine.stop()
+
+    def _set_gravity(self) -> None:
+        size = GRAVITY * self.effects.get("gravity_scale", {"factor": 1.0})["factor"]
+        tilt = self.effects.get("gravity_tilt", {"tilt_x": 0.0, "tilt_y": 0.0})
+        turn = Rotation.from_euler("xy", [tilt["tilt_x"], tilt["tilt_y"]])
+        self._engine.set_gravity(turn.apply([0.0, 0.0, -size]))
+
+
+def _lumped(resting: np.ndarray, masses: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+    """Masses [V] with a share of their sum more around a place; at the nearest vertex if none is within the radius."""
+    distances = np.linalg.norm(resting - np.array([values["x"], values["y"], values["z"]]), axis=1)
+    lump = distances <= max(values["radius"], distances.min())
+    return masses + lump * (values["fraction"] * masses.sum() / lump.sum())

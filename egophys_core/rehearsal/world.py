@@ -1,0 +1,71 @@
+"""One episode of the rehearsal world, as a lab would record it."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from egophys_core.episode import Episode
+from egophys_core.rehearsal.bodies import make_body
+from egophys_core.rehearsal.handled_body import HandledBody
+from egophys_core.rehearsal.hands import CONTACT_BEGINS, hand_cloud, write_script
+from egophys_core.rehearsal.observation import CONFIDENCE, observe
+from egophys_core.rehearsal.options import Motion, RehearsalOptions
+
+NOTHING: Mapping[str, Mapping[str, float]] = {}
+
+
+def rehearse(
+    options: RehearsalOptions,
+    motion: Motion,
+    *,
+    seed: int,
+    effects: Mapping[str, Mapping[str, float]] = NOTHING,
+    object_seed: int = 0,
+    report: Callable[[float], None] = lambda share: None,
+) -> Episode:
+    """Handle an object once.
+
+    Args:
+        options: the object and how it is observed.
+        motion: what the hands do.
+        seed: of the motion's details, noise and dropouts.
+        effects: what is planted, by name; parameters not given have their small size.
+        object_seed: of the object: size, mass, stiffness, friction, tracked points.
+        report: told the share done, 0..1.
+
+    Returns:
+        What was seen; bit for bit the same for the same arguments.
+
+    Raises:
+        OptionsError: an effect or parameter is unknown; suggests the nearest.
+        EgophysError: MuJoCo is not installed.
+        SimulationError: the body diverged.
+    """
+    motion_random, observation_random = np.random.default_rng([seed, object_seed]).spawn(2)
+    body = make_body(options, object_seed)
+    handled = HandledBody(body, effects, pressing=int(motion is Motion.PUSH), folding=motion is Motion.FOLD)
+    script = write_script(motion, body, handled.vertices, motion_random)
+    cloud = hand_cloud(script.centres.shape[1], motion_random)
+    true_hands = handled.true_hands(script.at)
+    grip_closes = CONTACT_BEGINS + handled.delay
+    times = np.arange(max(2, round(options.duration_s * options.rate_hz))) / options.rate_hz
+    hands = np.stack([(script.at(time)[:, None] + cloud).reshape(-1, 3) for time in times])
+    points = np.empty((len(times), options.points, 3), np.float32)
+    for frame, time in enumerate(times):
+        if script.grips and time >= grip_closes > handled.time:
+            handled.advance(true_hands, grip_closes)
+            handled.close_grip(true_hands(grip_closes))
+        handled.advance(true_hands, time)
+        points[frame] = observe(handled.points, hands[frame], options, handled.effects, observation_random)
+        report((frame + 1) / len(times))
+    seen = np.isfinite(points).all(axis=2)
+    ever = seen.any(axis=0)
+    return Episode(
+        name=f"{options.object}_{motion}_{seed}",
+        times=times,
+        points=points[:, ever],
+        confidence=np.where(seen[:, ever], CONFIDENCE, 0.0).astype(np.float32),
+        point_ids=np.flatnonzero(ever).astype(np.uint32),
+        controllers=hands.astype(np.float32),
+        controller_ids=np.arange(hands.shape[1], dtype=np.uint32),
+    )

@@ -1,0 +1,170 @@
+"""Episodes of the rehearsal world look like a lab's, and what is planted in the tracking is in them exactly."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from egophys_core.errors import EgophysError, OptionsError
+from egophys_core.rehearsal import Motion, RehearsalObject, RehearsalOptions, RehearsalWorld, rehearse
+from egophys_core.rehearsal.bodies import make_body
+from egophys_core.rehearsal.hands import CONTACT_BEGINS, write_script
+
+SHORT = RehearsalOptions(duration_s=0.4, points=40)
+CLEAR = RehearsalOptions(duration_s=0.4, points=40, noise_m=0.0, dropout=0.0, occlusion=False)
+
+
+@pytest.fixture(scope="module")
+def clear():
+    return rehearse(CLEAR, Motion.LIFT, seed=0)
+
+
+@pytest.fixture(scope="module")
+def lifted():
+    return rehearse(RehearsalOptions(duration_s=2.0), Motion.LIFT, seed=0)
+
+
+def test_same_seeds_same_episode():
+    first, again = (rehearse(SHORT, Motion.LIFT, seed=5) for _ in range(2))
+    np.testing.assert_array_equal(first.points, again.points)
+    np.testing.assert_array_equal(first.controllers, again.controllers)
+    other = rehearse(SHORT, Motion.LIFT, seed=6)
+    assert not np.array_equal(first.points, other.points, equal_nan=True)
+
+
+def test_a_size_of_nothing_changes_nothing(clear):
+    nothing = rehearse(CLEAR, Motion.LIFT, seed=0, effects={"quadratic_drag": {"c_per_kg": 0.0}})
+    np.testing.assert_array_equal(clear.points, nothing.points)
+
+
+def test_an_episode_is_as_a_lab_records_it(lifted):
+    assert lifted.points.shape == (60, 350, 3)
+    assert lifted.controllers.shape == (60, 30, 3)
+    np.testing.assert_allclose(np.diff(lifted.times), 1 / 30)
+    assert set(np.unique(lifted.confidence)) == {np.float32(0.0), np.float32(0.9)}
+    # Hands are far at first and touch from one second on; the object lies still until then.
+    rest = np.nanmedian(lifted.points[:28], axis=0)
+    gaps = [np.linalg.norm(rest[:, None] - lifted.controllers[frame], axis=2).min() for frame in (0, 31)]
+    assert gaps[0] > 0.2
+    assert gaps[1] < 0.01
+    assert np.nanstd(lifted.points[:28] - rest) == pytest.approx(0.0015, rel=0.1)
+    assert np.nanmax(lifted.points[-1, :, 2]) > 0.08
+    assert 0.9 < lifted.visible[:20].mean() < 0.99
+
+
+def test_what_is_behind_the_object_is_not_seen():
+    episode = rehearse(
+        RehearsalOptions(object=RehearsalObject.ELLIPSOID, duration_s=0.1, dropout=0.0), Motion.LIFT, seed=0
+    )
+    camera_side = np.nanmean(episode.points[0], axis=0)
+    assert len(episode.point_ids) < 300
+    assert camera_side[0] < 0.0 < camera_side[1]
+
+
+@pytest.mark.parametrize("kind", RehearsalObject)
+@pytest.mark.parametrize("motion", Motion)
+def test_hands_of_every_motion_arrive_in_time_and_stay_in_reach_of_an_arm(kind, motion):
+    body = make_body(RehearsalOptions(object=kind, points=3), 0)
+    script = write_script(motion, body, body.vertices, np.random.default_rng(0))
+    path = np.stack([script.at(time) for time in np.arange(0.0, 8.0, 1 / 30)])
+    assert script.centres.shape[1] == (2 if "double" in motion or (motion, kind) == ("fold", "sheet") else 1)
+    speed = 30.0 * np.linalg.norm(np.diff(path, axis=0), axis=2)
+    assert speed[round(30 * CONTACT_BEGINS) - 1] == pytest.approx(0.0)
+    assert speed.max() < 1.2
+    assert speed[40:].max() > 0.05
+    assert path[..., 2].min() > 0.0
+    assert np.abs(path).max() < 0.6
+
+
+def test_grips_reach_the_object_in_every_motion_that_holds():
+    for kind in RehearsalObject:
+        body = make_body(RehearsalOptions(object=kind, points=3), 0)
+        for motion in Motion:
+            script = write_script(motion, body, body.vertices, np.random.default_rng(0))
+            gaps = np.linalg.norm(script.at(CONTACT_BEGINS)[:, None] - body.vertices, axis=2).min(axis=1)
+            assert (gaps < 0.025).all() if script.grips else (gaps > 0.025).all()
+
+
+@pytest.mark.parametrize(
+    ("effect", "mapping"),
+    [
+        ({"tracking_scale": {"scale": 0.9}}, lambda p: 0.9 * p),
+        ({"tracking_offset": {"x": 0.01, "y": 0.02, "z": -0.01}}, lambda p: p + [0.01, 0.02, -0.01]),
+        (
+            {"tracking_rotation": {"rx": 0.0, "ry": 0.0, "rz": 0.2}},
+            lambda p: Rotation.from_euler("z", 0.2).apply(p.reshape(-1, 3)).reshape(p.shape),
+        ),
+    ],
+)
+def test_tracking_errors_map_the_object_and_not_the_hands(clear, effect, mapping):
+    planted = rehearse(CLEAR, Motion.LIFT, seed=0, effects=effect)
+    np.testing.assert_allclose(planted.points, mapping(clear.points), atol=1e-6)
+    np.testing.assert_array_equal(planted.controllers, clear.controllers)
+
+
+def test_late_hands_move_the_object_later():
+    """With 3 frames of delay the object does what it did 3 frames before; its hands are recorded as ever."""
+    options = RehearsalOptions(duration_s=1.6, points=40, noise_m=0.0, dropout=0.0, occlusion=False)
+    plain = rehearse(options, Motion.LIFT, seed=0)
+    late = rehearse(options, Motion.LIFT, seed=0, effects={"control_delay": {"delay": 0.1}})
+    np.testing.assert_array_equal(late.controllers, plain.controllers)
+    assert np.linalg.norm(late.points[-1] - plain.points[-1], axis=1).max() > 0.005
+    np.testing.assert_allclose(late.points[40:], plain.points[37:-3], atol=5e-4)
+
+
+def test_an_unknown_effect_suggests_the_nearest():
+    with pytest.raises(OptionsError, match="did you mean 'uneven_mass'"):
+        rehearse(SHORT, Motion.LIFT, seed=0, effects={"uneven_mas": {}})
+
+
+def test_without_mujoco_it_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(EgophysError, match=r"pip install egophys\[rehearsal\]"):
+        rehearse(SHORT, Motion.LIFT, seed=0)
+
+
+def test_importing_the_room_needs_no_mujoco():
+    program = "import sys, egophys_core.rehearsal, egophys_core.cli.rehearse; print('mujoco' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout == "False\n"
+
+
+def test_progress_runs_to_one():
+    shares: list[float] = []
+    rehearse(SHORT, Motion.LIFT, seed=0, report=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_a_tool_lifts_the_object_step_by_step():
+    world = RehearsalWorld(CLEAR, seed=0, effects={})
+    before = world.points
+    corner = before[np.argmax(before[:, 0] + before[:, 1])]
+    tool = corner + np.array([[0.0, 0.01, 0.0], [0.0, -0.01, 0.0]])
+    for step in range(20):
+        seen = world.step(tool + [0.0, 0.0, 0.005 * step], 1 / 30, closed=True)
+    assert world.time == pytest.approx(20 / 30)
+    np.testing.assert_allclose(seen, world.points, atol=1e-6)
+    assert seen[:, 2].max() > 0.07
+    world.step(tool + [0.0, 0.0, 0.095], 0.4, closed=False)
+    assert world.points[:, 2].max() < 0.05
+
+
+def test_a_tool_with_a_planted_delay_is_followed_late():
+    heights = []
+    for effects in ({}, {"control_delay": {"delay": 0.2}}):
+        world = RehearsalWorld(CLEAR, seed=0, effects=effects)
+        corner = world.points[np.argmax(world.points[:, 0] + world.points[:, 1])]
+        for step in range(12):
+            world.step(corner[None] + [0.0, 0.0, 0.005 * step], 1 / 30, closed=True)
+        heights.append(world.points[:, 2].max())
+    # 0.2 s at 0.15 m/s.
+    assert heights[0] - heights[1] == pytest.approx(0.03, abs=0.005)
+
+
+def test_a_tool_that_is_nowhere_is_refused():
+    world = RehearsalWorld(CLEAR, seed=0, effects={})
+    with pytest.raises(EgophysError, match=r"finite \[C, 3\] in metres"):
+        world.step(np.full((2, 3), np.nan), 0.1, closed=False)

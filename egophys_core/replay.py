@@ -1,7 +1,7 @@
 """Replaying a log: its inputs go through the same code again and the outputs are compared, bit for bit."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -155,7 +155,7 @@ def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
         )
         for episode, (first, last) in zip(build["episodes"], pairwise(bounds), strict=True)
     ]
-    recorded = _result_of_build(log, twin_node, build["job_id"])
+    recorded = _result_of_build(log, twin_node, build)
     if recorded is None:
         return _not_recorded("build", f"{twin_node}/job and {twin_node}/model do not say how the last build ended")
 
@@ -208,11 +208,13 @@ def _replay_prediction(log: _Log, twin_node: str) -> Comparison:
     model = log.last(f"{twin_node}/model")
     if plan is None or points is None or model is None:
         return _not_recorded("prediction", f"it needs {', '.join(names)} and {twin_node}/model")
-    twin = _twin(log, model)
+    predicted = plan_of_message(log.decode(plan))
+    # A diagnosis may have published a newer version since.
+    twin = _twin_with_id(log, twin_node, predicted.twin_id) or _twin(log, model)
     recorded = xyz_of_message(log.decode(points), source=f"{log.path} {points.topic}")
 
     def work() -> tuple[bool, str]:
-        shape = final_shapes(twin, rollout_plans(twin, [plan_of_message(log.decode(plan))]))[0]
+        shape = final_shapes(twin, rollout_plans(twin, [predicted]))[0]
         if shape.shape != recorded.shape:
             return False, f"{len(recorded)} points recorded, {len(shape)} replayed"
         largest = float(np.abs(shape - recorded).max())
@@ -257,11 +259,18 @@ def _twin_with_id(log: _Log, twin_node: str, twin_id: str) -> Twin | None:
     return next((twin for twin in twins if twin.twin_id == twin_id), None)
 
 
-def _result_of_build(log: _Log, twin_node: str, job_id: str) -> Twin | None:
-    """The twin that a build ended with, None if the log does not have its successful end."""
-    ended, model = log.last(f"{twin_node}/job"), log.last(f"{twin_node}/model")
-    if ended is None or model is None:
+def _result_of_build(log: _Log, twin_node: str, build: Mapping[str, Any]) -> Twin | None:
+    """The twin that a build ended with, None if the log does not have its successful end.
+
+    Jobs and models of a diagnosis, which makes versions of the twin, may follow it in the log.
+    """
+    jobs = (log.decode(record) for record in log.records(f"{twin_node}/job"))
+    if not any(job.state == JOB_SUCCEEDED and bytes(job.job_id.uuid).hex() == build["job_id"] for job in jobs):
         return None
-    job = log.decode(ended)
-    succeeded = job.state == JOB_SUCCEEDED and bytes(job.job_id.uuid).hex() == job_id
-    return _twin(log, model) if succeeded else None
+    twins = (_twin(log, record) for record in reversed(log.records(f"{twin_node}/model")))
+    return next((twin for twin in twins if _is_of_build(twin, build)), None)
+
+
+def _is_of_build(twin: Twin, build: Mapping[str, Any]) -> bool:
+    made = twin.provenance
+    return (made.parent_id, made.seed, made.settings) == (build["parent_id"], build["seed"], build["options"])

@@ -6,10 +6,36 @@ import warnings
 from collections.abc import Sequence
 
 from egophys_core import __version__
-from egophys_core.cli import benchmark, board, build, evaluate, import_vrs, info, perceive, plan, replay, simulate
+from egophys_core.cli import (
+    benchmark,
+    board,
+    build,
+    diagnose,
+    evaluate,
+    import_vrs,
+    info,
+    perceive,
+    plan,
+    rehearse,
+    replay,
+    simulate,
+)
 from egophys_core.errors import EgophysError
 
-SUBCOMMANDS = (board, import_vrs, perceive, build, evaluate, simulate, plan, replay, info, benchmark)
+SUBCOMMANDS = (
+    board,
+    import_vrs,
+    perceive,
+    build,
+    evaluate,
+    simulate,
+    plan,
+    replay,
+    diagnose,
+    rehearse,
+    info,
+    benchmark,
+)
 """Modules with `NAME`, `HELP`, `add_arguments(parser)` and `run(arguments) -> exit code`."""
 
 
@@ -34,7 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def make_parser() -> argparse.ArgumentParser:
     """The parser of `egophys` with all subcommands."""
     parser = argparse.ArgumentParser(
-        prog="egophys", description="Physical twins of soft objects: perceive, build, evaluate, simulate, plan, replay."
+        prog="egophys",
+        description="Physical twins of soft objects: perceive, build, evaluate, simulate, plan, replay, diagnose.",
     )
     parser.add_argument("--version", action="version", version=f"egophys {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

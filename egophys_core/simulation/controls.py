@@ -1,6 +1,6 @@
 """Controls: how the controller points move and when they touch the object."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -28,6 +28,8 @@ class Controls:
     """[F, C, 3] float32, metres, world."""
     contact: np.ndarray
     """[F, C] uint8 `ContactKind`: a run of equal values is one contact, from its first frame to its last."""
+    payload: np.ndarray | None = None
+    """[N] kg, what each node carries beside the object's own mass; None for nothing."""
 
     def __post_init__(self) -> None:
         frames = len(self.times)
@@ -42,3 +44,11 @@ class Controls:
         if not np.isfinite(self.positions).all():
             frame, controller = np.argwhere(~np.isfinite(self.positions))[0][:2]
             raise SimulationError(f"controls: controller {controller} is not finite at frame {frame}")
+        if self.payload is not None and not (np.isfinite(self.payload) & (self.payload >= 0)).all():
+            raise SimulationError(f"controls payload must be finite and not negative, got {self.payload.min()} kg")
+
+    def part(self, frames: slice) -> "Controls":
+        """The same over some of the frames."""
+        return replace(
+            self, times=self.times[frames], positions=self.positions[frames], contact=self.contact[frames]
+        )

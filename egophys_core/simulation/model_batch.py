@@ -56,7 +56,12 @@ def batch_of_models(
         damping=damping,
         rest_lengths=rest_lengths,
         longest_extensions=longest_extensions,
-        masses=np.stack([body.masses for body in bodies]).astype(np.float32),
+        masses=np.stack(
+            [
+                body.masses if each.payload is None else body.masses + each.payload
+                for body, each in zip(bodies, controls, strict=True)
+            ]
+        ).astype(np.float32),
         positions=np.stack(positions).astype(np.float32),
         velocities=np.zeros((len(models), nodes, 3), np.float32),
         rest_positions=first.graph.positions,
@@ -92,11 +97,25 @@ def _body(model: ObjectModel, start: np.ndarray) -> Body:
 def _driven(model: ObjectModel, controls: Controls) -> Controls:
     """Controls as the effects of a model change them."""
     for term in model.effects:
-        drive = effect_named(term.name).drive
-        if drive:
-            moved = drive(term.values, controls.times, controls.positions.astype(np.float64))
+        effect = effect_named(term.name)
+        if effect.clock:
+            controls = _read_at(controls, effect.clock(term.values, controls.times))
+        if effect.drive:
+            moved = effect.drive(term.values, controls.times, controls.positions.astype(np.float64))
             controls = replace(controls, positions=moved.astype(np.float32))
     return controls
+
+
+def _read_at(controls: Controls, times: np.ndarray) -> Controls:
+    """The same frames with hands and contacts as the record has them at `times` [F]; held at its ends."""
+    record = np.clip(times, controls.times[0], controls.times[-1])
+    after = np.clip(np.searchsorted(controls.times, record, side="right"), 1, len(record) - 1)
+    before = after - 1
+    share = (record - controls.times[before]) / (controls.times[after] - controls.times[before])
+    weight = share[:, None, None]
+    positions = (1.0 - weight) * controls.positions[before] + weight * controls.positions[after]
+    nearest = np.where(share < 0.5, before, after)
+    return replace(controls, positions=positions.astype(np.float32), contact=controls.contact[nearest])
 
 
 def _actions(model: ObjectModel) -> tuple[Action, ...]:

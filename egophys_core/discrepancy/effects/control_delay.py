@@ -5,12 +5,9 @@ import numpy as np
 from egophys_core.discrepancy.effects.effect import Effect, Parameter, Surroundings, Values
 
 
-def drive(values: Values, times: np.ndarray, controllers: np.ndarray) -> np.ndarray:
-    """The hands as they were `delay` seconds before each time; held at the ends of the record."""
-    earlier = np.clip(times - values["delay"], times[0], times[-1])
-    after = np.clip(np.searchsorted(times, earlier, side="right"), 1, len(times) - 1)
-    share = ((earlier - times[after - 1]) / (times[after] - times[after - 1]))[:, None, None]
-    return (1.0 - share) * controllers[after - 1] + share * controllers[after]
+def clock(values: Values, times: np.ndarray) -> np.ndarray:
+    """Each time less the delay."""
+    return times - values["delay"]
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -27,5 +24,5 @@ EFFECT = Effect(
     mimics=("quadratic_drag", "viscoelasticity", "grasp_slip"),
     experiment="move the gripper alone, with a point tracked on it, and correlate its track with the record",
     starts=starts,
-    drive=drive,
+    clock=clock,
 )

@@ -147,6 +147,8 @@ class Effect:
     adapt: Callable[[Values, Body], Body] | None = None
     drive: Callable[[Values, np.ndarray, np.ndarray], np.ndarray] | None = None
     """From values, times [F] and controllers [F, C, 3] to where the hands truly were, [F, C, 3] metres."""
+    clock: Callable[[Values, np.ndarray], np.ndarray] | None = None
+    """From values and times [F] to the times [F] at which the record of the hands, and of their contacts, holds."""
 
 
 @dataclass(frozen=True, kw_only=True)

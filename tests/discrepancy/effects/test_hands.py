@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from egophys_core.discrepancy.effects import LIBRARY
+from egophys_core.discrepancy.effects import LIBRARY, TwinEffect
 from egophys_core.discrepancy.effects.rotations import rotation
-from egophys_core.simulation import Controls
+from egophys_core.simulation import ContactKind, Controls, batch_of_models
 from tests.discrepancy.effects.situations import FRAME, frame_scene, lifted, loads_of, run, sheet, with_effect
-from tests.simulation.scenes import frame_times
+from tests.simulation.scenes import frame_times, sheet_model
 
 HELD = np.array([[0, 0], [0, 1]])
 """One node by the first two controllers."""
@@ -117,9 +117,14 @@ def test_rotations_keep_lengths_and_their_axis(vector):
 
 def test_a_delayed_hand_is_where_it_was():
     controls = lifted(duration=1.0, height=0.3)
-    moved = LIBRARY["control_delay"].drive({"delay": 0.05}, controls.times, controls.positions.astype(float))
-    late = np.maximum(controls.times - 0.05, 0.0)
-    assert moved[:, 0, 2] == pytest.approx(0.3 * late, abs=1e-6)
+    contact = np.where(controls.times[:, None] < 0.5, ContactKind.NONE, ContactKind.HOLD)
+    controls = replace(controls, contact=np.broadcast_to(contact, controls.contact.shape).astype(np.uint8))
+    delayed = TwinEffect(name="control_delay", values={"delay": 3 * FRAME})
+    model = replace(sheet_model(), effects=(delayed,))
+    moved = batch_of_models([model], [controls], ground_height=0.0).controls[0]
+    late = np.maximum(controls.times - 3 * FRAME, 0.0)
+    assert moved.positions[:, 0, 2] == pytest.approx(0.3 * late, abs=1e-5)
+    assert np.array_equal(moved.contact[3:], controls.contact[:-3])
 
 
 def test_an_offset_of_tracking_moves_every_hand_alike():

@@ -1,0 +1,155 @@
+"""Diagnoses of rehearsed episodes with a planted effect, or none: the confusion matrix by size of the effect.
+
+Every data set is a new object: two motions in the MuJoCo world, a twin fitted to them, and the diagnosis of that twin
+on them. Results are kept after each set, and a run goes on where the last one stopped.
+"""
+
+import json
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from egophys_core.discrepancy.diagnose import diagnose
+from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.episode import Episode
+from egophys_core.files import write_atomically
+from egophys_core.identification import FitOptions, build_twin
+from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
+from egophys_core.rehearsal.planting import PLANTS, planted_sizes
+from egophys_core.rehearsal.world import rehearse
+
+RESULT = Path(__file__).parent / "results/planted.json"
+
+FIT = FitOptions(generations=6, dense_steps=0)
+"""A quick twin: the diagnosis refits it anyway."""
+
+DIAGNOSIS = DiagnosisOptions(shortlist=3, refit_iterations=4, shams=60, bootstraps=200)
+
+NONE_SETS = 20
+
+SLIDING = (Motion.PULL, Motion.DOUBLE_PULL)
+HOLDING = (Motion.HANG, Motion.LIFT)
+MOVING = (Motion.LIFT, Motion.SHAKE)
+MOTIONS = {
+    "place_dependent_friction": SLIDING,
+    "stribeck_friction": SLIDING,
+    "table_adhesion": (Motion.LIFT, Motion.DOUBLE_LIFT),
+    "grasp_slip": HOLDING,
+    "viscoelasticity": HOLDING,
+    "plasticity": HOLDING,
+    "hysteresis": HOLDING,
+}
+"""Motions in which an effect shows; `MOVING` for the others."""
+
+SOLIDS = ("uneven_mass", "plasticity", "viscoelasticity", "tension_compression_asymmetry", "hysteresis")
+"""Effects that are planted in a toy; the others in a sheet."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One data set."""
+
+    effect: str
+    """Name, or "none"."""
+    size: str
+    """"small", "large", or "" for none."""
+    object: str
+    motions: tuple[str, ...]
+    object_seed: int
+    without: str = ""
+    """Effect taken out of the library."""
+
+    @property
+    def key(self) -> str:
+        """What tells cases apart."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+
+def cases() -> list[Case]:
+    """Those without an effect, the large ones, the small ones, and the large ones without their entry."""
+    objects = list(RehearsalObject)
+    pairs = (MOVING, HOLDING, (Motion.LIFT, Motion.DOUBLE_LIFT), SLIDING, (Motion.LIFT, Motion.PULL))
+    nothing = [
+        Case(
+            effect="none",
+            size="",
+            object=objects[index % len(objects)],
+            motions=pairs[index % len(pairs)],
+            object_seed=100 + index,
+        )
+        for index in range(NONE_SETS)
+    ]
+    planted = [
+        Case(
+            effect=name,
+            size=size,
+            object=RehearsalObject.ELLIPSOID if name in SOLIDS else RehearsalObject.SHEET,
+            motions=MOTIONS.get(name, MOVING),
+            object_seed=200 + index,
+            without=name if left_out else "",
+        )
+        for size, left_out in (("large", False), ("small", False), ("large", True), ("small", True))
+        for index, name in enumerate(PLANTS)
+    ]
+    return [*nothing, *planted]
+
+
+def episodes_of(case: Case) -> list[Episode]:
+    """The rehearsed episodes of a case."""
+    options = RehearsalOptions(object=RehearsalObject(case.object))
+    effects: Mapping[str, Mapping[str, float]] = (
+        {} if case.effect == "none" else {case.effect: planted_sizes(case.effect)[case.size]}
+    )
+    return [
+        rehearse(
+            options, Motion(motion), seed=10 * case.object_seed + index, effects=effects, object_seed=case.object_seed
+        )
+        for index, motion in enumerate(case.motions)
+    ]
+
+
+def measure(case: Case) -> dict[str, Any]:
+    """One row of the result."""
+    episodes = episodes_of(case)
+    twin = build_twin(episodes, FIT, seed=0)
+    started = time.monotonic()
+    left_out = (case.without,) if case.without else ()
+    diagnosis = diagnose(twin, episodes, DIAGNOSIS, without=left_out).diagnosis
+    content = diagnosis.as_dict()
+    return {
+        **asdict(case),
+        "outcome": str(diagnosis.outcome),
+        "named": [effect.name for effect in diagnosis.effects],
+        "effects": content["effects"],
+        "candidates": content["candidates"][:5],
+        "track_before_m": [error.track_before_m for error in diagnosis.error],
+        "track_after_m": [error.track_after_m for error in diagnosis.error],
+        "seconds": time.monotonic() - started,
+    }
+
+
+def run(*, minutes: float = 1e9, part: int = 0, parts: int = 1) -> dict[str, Any]:
+    """Measure what is missing; the keys of `results/planted.json`.
+
+    Args:
+        minutes: begin no further case after this long.
+        part: of `parts` that run side by side, each keeping its rows in a file of its own.
+    """
+    path = RESULT if parts == 1 else RESULT.with_suffix(f".{part}.json")
+    rows = json.loads(path.read_text())["rows"] if path.exists() else []
+    done = {_key(row) for row in rows}
+    end = time.monotonic() + 60.0 * minutes
+    for case in cases()[part::parts]:
+        if case.key in done:
+            continue
+        if time.monotonic() > end:
+            break
+        rows.append(measure(case))
+        write_atomically(path, (json.dumps({"rows": rows}, indent=1) + "\n").encode())
+    return {"rows": rows}
+
+
+def _key(row: Mapping[str, Any]) -> str:
+    return json.dumps({name: row[name] for name in Case.__dataclass_fields__}, sort_keys=True)

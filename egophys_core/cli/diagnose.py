@@ -1,0 +1,108 @@
+"""`egophys diagnose TWIN EPISODE... --out DIR`."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from egophys_core.cli.display import print_json, print_table, progress_bar
+from egophys_core.cli.option_arguments import add_option_arguments, options_from
+from egophys_core.discrepancy.diagnose import diagnose
+from egophys_core.discrepancy.diagnosis import Diagnosis, Outcome
+from egophys_core.discrepancy.effects import effect_named
+from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.discrepancy.saving import EFFECT_TEXTS, require_new_folder, save_finding
+from egophys_core.recording import read_episode
+from egophys_core.reporting import figures, headline, millimetres
+from egophys_core.twin import load_twin
+
+NAME = "diagnose"
+HELP = "Say what a twin lacks to predict recorded episodes, with the evidence, and write a better twin."
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the subcommand."""
+    parser.add_argument("twin", type=Path, metavar="TWIN")
+    parser.add_argument(
+        "episodes",
+        nargs="+",
+        type=Path,
+        metavar="EPISODE",
+        help=".mcap file or rosbag2 folder; two motions or more, to tell the object from the motion",
+    )
+    parser.add_argument(
+        "--out",
+        required=True,
+        type=Path,
+        metavar="DIR",
+        help="folder to make, with diagnosis.json, improved.twin and report.html",
+    )
+    parser.add_argument(
+        "--report-on",
+        nargs="+",
+        default=[],
+        type=Path,
+        metavar="EPISODE",
+        help="further episodes of the object that are not fitted; only the error on them is reported",
+    )
+    parser.add_argument(
+        "--without", nargs="+", default=[], metavar="EFFECT", help="effects of the library to leave out, by name"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of shams and resamples (default 0)")
+    parser.add_argument("--json", action="store_true", help="print the content of diagnosis.json instead of a summary")
+    add_option_arguments(parser, DiagnosisOptions)
+
+
+def run(parsed: argparse.Namespace) -> int:
+    """Diagnose, save and print."""
+    options = options_from(parsed, DiagnosisOptions)
+    for name in parsed.without:
+        effect_named(name)
+    require_new_folder(parsed.out)
+    twin = load_twin(parsed.twin)
+    episodes, others = ([read_episode(path) for path in paths] for paths in (parsed.episodes, parsed.report_on))
+    with progress_bar() as report:
+        finding = diagnose(
+            twin, episodes, options, report_on=others, without=parsed.without, seed=parsed.seed, progress=report
+        )
+    files = save_finding(finding, parsed.out)
+    diagnosis = finding.diagnosis
+    if parsed.json:
+        print_json(diagnosis.as_dict())
+    else:
+        _print_summary(diagnosis)
+        print(f"improved twin {finding.twin.twin_id} in {files['twin']}; look at {files['report']}")
+    return 0 if diagnosis.outcome == Outcome.NONE else 1
+
+
+def _print_summary(diagnosis: Diagnosis) -> None:
+    content = diagnosis.as_dict()
+    print(f"{diagnosis.outcome}: {headline(content, EFFECT_TEXTS)}")
+    print(f"why: {diagnosis.reason}")
+    if diagnosis.experiment:
+        print(f"next: {diagnosis.experiment}")
+    for effect in content["effects"]:
+        agree = "episodes agree" if effect["episodes_agree"] else "episodes do not agree"
+        print_table(
+            f"{effect['name']} ({agree})",
+            ("parameter", "value", "95 % interval", "unit"),
+            [_parameter(name, each) for name, each in effect["parameters"].items()],
+        )
+    print_table(
+        "error in mm, before and after (TE track error, CD Chamfer distance;\n"
+        "held: TE with the last residual held; new: an episode that was not fitted)",
+        ("episode", "TE before", "TE after", "held", "CD before", "CD after"),
+        [_error(each) for each in content["error"]],
+    )
+
+
+def _parameter(name: str, estimate: dict[str, Any]) -> tuple[str, ...]:
+    low, high = estimate["ci95"]
+    return name, figures(estimate["value"]), f"{figures(low)} .. {figures(high)}", estimate["unit"]
+
+
+def _error(error: dict[str, Any]) -> tuple[str, ...]:
+    names = ("track_before_m", "track_after_m", "last_residual_track_m", "chamfer_before_m", "chamfer_after_m")
+    fitted = "fitted" if error["fitted"] else "new"
+    return f"{escape(error['episode'])} ({fitted})", *(millimetres(error[name]) for name in names)

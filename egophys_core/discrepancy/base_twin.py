@@ -1,0 +1,82 @@
+"""The base twin: the twin as good as it gets without any effect, before anything is blamed on one.
+
+What a twin lacks shows only where it is otherwise right. A fit of free rollouts weighs the last, chaotic centimetres
+of a fold; observers ask for graph and grasp that get the forces right. So graphs and grasps of a few sizes are tried
+beside the twin's own, and the best is refitted.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from egophys_core.discrepancy.knobs import base_knobs
+from egophys_core.discrepancy.refit import Fitted, refit, residual_scale, robust_loss
+from egophys_core.discrepancy.residuals import Observation, residuals
+from egophys_core.identification.rest_shape import RestShape
+from egophys_core.identification.search_space import build_graph
+from egophys_core.twin import ObjectKind, ObjectModel, per_kind
+
+OBJECT_RADII = {ObjectKind.SHEET: (1.5, 2.0, 2.5), ObjectKind.SOLID: (2.0, 2.5, 3.0)}
+GRASP_RADII = (2.0, 3.0, 4.0)
+"""In units of the node spacing."""
+
+NEIGHBOURS = 24
+GRASP_NEIGHBOURS = 60
+"""Springs that a node, and a controller point, asks for: all within the radius."""
+
+STIFFNESS_RATE = {ObjectKind.SHEET: 5e4, ObjectKind.SOLID: 2e5}
+"""Of a structural spring over node mass at twice the spacing, 1/s^2: stiff, as cloth and toys are."""
+
+DAMPING_RATE = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 3.0}
+"""1/s."""
+
+
+def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterations: int) -> Fitted:
+    """The best of the twin and its variants, refitted."""
+    models = [model, *variants(model)]
+    found = residuals(observations, models)
+    scale = residual_scale([each[0] for each in found])
+    losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
+    best = models[int(np.argmin(losses))]
+    scale = residual_scale([each[int(np.argmin(losses))] for each in found])
+    return refit(observations, best, base_knobs(best), iterations=iterations, scale=scale)
+
+
+def variants(model: ObjectModel) -> list[ObjectModel]:
+    """The object with graphs and grasps of other sizes, and plain parameters."""
+    graph, parameters = model.graph, model.parameters
+    surface = graph.positions[graph.surface].astype(np.float64)
+    spacing = float(np.median(cKDTree(surface).query(surface, k=min(5, len(surface)))[0][:, -1]))
+    shape = RestShape(positions=graph.positions, surface=graph.surface, kind=model.kind, spacing=spacing)
+    node_mass = parameters.total_mass / len(graph.positions)
+    found = []
+    for radius, grasp in product(OBJECT_RADII[model.kind], GRASP_RADII):
+        # Springs share the load: more of them, each softer.
+        stiffness = STIFFNESS_RATE[model.kind] * node_mass * (2.0 / radius) ** 2
+        plain = replace(
+            parameters,
+            stiffness=stiffness,
+            damping=DAMPING_RATE[model.kind] * node_mass,
+            bending_ratio=0.03,
+            strain_limit=1e6,
+            ground_projection=0.0,
+            restitution=0.0,
+            friction=0.5,
+            controller_stiffness=stiffness,
+            controller_radius=grasp * spacing,
+            controller_neighbours=GRASP_NEIGHBOURS,
+            collision_distance=0.6 * spacing if model.kind == ObjectKind.SHEET else 0.0,
+        )
+        other = build_graph(shape, radius=radius * spacing, max_neighbours=NEIGHBOURS)
+        found.append(
+            replace(
+                model,
+                graph=other,
+                parameters=plain,
+                stiffness=per_kind(other, plain.stiffness, plain.bending_ratio),
+            )
+        )
+    return found

@@ -1,0 +1,308 @@
+"""Diagnosis: from a twin and episodes of its object to what it lacks, and a better twin."""
+
+import time
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from egophys_core import __version__
+from egophys_core.discrepancy.base_twin import base_fit
+from egophys_core.discrepancy.diagnosis import (
+    Candidate,
+    Diagnosis,
+    Evidence,
+    NamedEffect,
+    Outcome,
+)
+from egophys_core.discrepancy.effects import effect_named
+from egophys_core.discrepancy.free_rollouts import FreeErrors, episode_error, free_errors
+from egophys_core.discrepancy.generic_law import Law, find_law
+from egophys_core.discrepancy.judging import Judged, judge
+from egophys_core.discrepancy.linear import linear_problem
+from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.discrepancy.ranking import Ranked, Ranking, probe_effects, rank
+from egophys_core.discrepancy.refit import Fitted, refit
+from egophys_core.discrepancy.residuals import Observation, observe, track_offsets
+from egophys_core.discrepancy.verdict import LEAST_GAIN, Verdict, decide
+from egophys_core.discrepancy.where import where
+from egophys_core.episode import Episode
+from egophys_core.errors import DiscrepancyError
+from egophys_core.identification import episode_digest
+from egophys_core.options import to_mapping
+from egophys_core.twin import ObjectModel, Provenance, Twin
+
+Progress = Callable[[str, float], None]
+"""Called with stage and share of the whole done (0..1); may raise to stop."""
+
+WORTH_REFITTING = 0.4 * LEAST_GAIN
+"""Held-out gain of the linear problem below which a refit has never found what was asked for."""
+
+LEAST_MOTION_S = 1.0
+"""Seconds of handling below which an episode says nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What a diagnosis found, and the twin that follows from it."""
+
+    diagnosis: Diagnosis
+    twin: Twin
+    """A new version that names its parent."""
+    evidence: Evidence
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Round:
+    """One search for an effect beside those the fitted model carries."""
+
+    before: Fitted
+    ranking: Ranking
+    judged: list[Judged]
+    law: Law
+    verdict: Verdict
+
+
+def diagnose(
+    twin: Twin,
+    episodes: Sequence[Episode],
+    options: DiagnosisOptions,
+    *,
+    report_on: Sequence[Episode] = (),
+    without: Collection[str] = (),
+    seed: int = 0,
+    progress: Progress = lambda stage, share: None,
+) -> Finding:
+    """Find what a twin lacks.
+
+    Args:
+        episodes: what is fitted and judged on; two motions or more, to tell the object from the motion.
+        report_on: further episodes of the object, on which only the error is reported.
+        without: effects of the library to leave out.
+        seed: of shams and resamples.
+        progress: called with stage and share done.
+
+    Raises:
+        EpisodeError: in an episode no hand moves the object.
+        DiscrepancyError: no episode, or one that is too short to say anything.
+        TwinError: `without` names no effect.
+    """
+    if not episodes:
+        raise DiscrepancyError("no episode given; a diagnosis compares a twin with at least one, better two motions")
+    _require_distinct([*episodes, *report_on])
+    progress("observe", 0.0)
+    model = replace(twin.model, effects=())
+    return diagnose_observed(
+        twin,
+        [_observed(model, episode) for episode in episodes],
+        options,
+        report_on=[_observed(model, episode) for episode in report_on],
+        without=without,
+        seed=seed,
+        progress=progress,
+    )
+
+
+def diagnose_observed(
+    twin: Twin,
+    observations: Sequence[Observation],
+    options: DiagnosisOptions,
+    *,
+    report_on: Sequence[Observation] = (),
+    without: Collection[str] = (),
+    seed: int = 0,
+    progress: Progress = lambda stage, share: None,
+) -> Finding:
+    """As `diagnose`, from episodes in which the twin has its place already."""
+    started = time.monotonic()
+    for name in without:
+        effect_named(name)
+    model = replace(twin.model, effects=())
+    progress("refit the twin as it is", 0.05)
+    base = base_fit(observations, model, iterations=options.refit_iterations)
+    first = _search(observations, base, options, without, seed, lambda stage, share: progress(stage, 0.2 + 0.4 * share))
+    final, named, reason = first.before, first.verdict.judged, first.verdict.reason
+    outcome = first.verdict.outcome
+    if outcome in (Outcome.NAMED, Outcome.AMBIGUOUS):
+        final = named[0].fitted
+    if outcome == Outcome.NAMED:
+        left_out = {*without, named[0].name}
+        second = _search(
+            observations, final, options, left_out, seed + 1, lambda stage, share: progress(stage, 0.6 + 0.3 * share)
+        )
+        if second.verdict.outcome == Outcome.NAMED:
+            final = second.verdict.judged[0].fitted
+            named = (*named, second.verdict.judged[0])
+            reason += f"; beside it {second.verdict.reason}"
+        elif second.verdict.outcome != Outcome.NONE:
+            outcome = Outcome.NAMED_AND_UNEXPLAINED
+            reason += f"; beside it, {second.verdict.reason}"
+    progress("roll out before and after", 0.9)
+    everywhere = [*observations, *report_on]
+    before = _same_budget(observations, first.before, options)
+    errors = [free_errors(each, [before, final.model]) for each in everywhere]
+    offsets = [track_offsets(each, [base.model])[0][0] for each in observations]
+    improved = _new_version(twin, final.model, [each.episode for each in observations], options, seed)
+    diagnosis = Diagnosis(
+        outcome=outcome,
+        effects=tuple(
+            NamedEffect(name=each.name, parameters=each.parameters, episodes_agree=each.episodes_agree)
+            for each in named
+        ),
+        candidates=_candidates(first),
+        experiment=first.verdict.experiment,
+        where=where(observations, offsets, first.law.formula),
+        error=tuple(
+            episode_error(each, *pair, fitted=index < len(observations))
+            for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
+        ),
+        seconds=time.monotonic() - started,
+        reason=reason,
+        twin_id=twin.twin_id,
+        improved_twin_id=improved.twin_id,
+    )
+    progress("done", 1.0)
+    return Finding(
+        diagnosis=diagnosis, twin=improved, evidence=_evidence(everywhere, errors, observations[0], offsets[0])
+    )
+
+
+def _require_distinct(episodes: Sequence[Episode]) -> None:
+    """Check that no episode counts twice.
+
+    Raises:
+        DiscrepancyError: two are the same, or have one name.
+    """
+    for index, one in enumerate(episodes):
+        for other in episodes[:index]:
+            if one.name == other.name or episode_digest(one) == episode_digest(other):
+                raise DiscrepancyError(
+                    f"{other.name} and {one.name} are the same episode, or have the same name; give each once, and "
+                    "files of different names"
+                )
+
+
+def _observed(model: ObjectModel, episode: Episode) -> Observation:
+    """The twin in an episode that lasts long enough.
+
+    Raises:
+        DiscrepancyError: too little handling.
+    """
+    observation = observe(model, episode)
+    handled = float(episode.times[-1] - episode.times[observation.touched])
+    if handled < LEAST_MOTION_S:
+        raise DiscrepancyError(
+            f"{episode.name}: {handled:.2f} s of handling after first contact say nothing of what a twin lacks; "
+            "record a lift of some seconds, and a second motion"
+        )
+    if not np.isfinite(observation.tracks.positions[observation.touched :]).any():
+        raise DiscrepancyError(
+            f"{episode.name}: no point is seen after the first contact (frame {observation.touched}); "
+            "record again with the object in view"
+        )
+    return observation
+
+
+def _search(
+    observations: Sequence[Observation],
+    before: Fitted,
+    options: DiagnosisOptions,
+    without: Collection[str],
+    seed: int,
+    progress: Progress,
+) -> _Round:
+    """Probe, rank, refit the shortlist and decide."""
+    problem = linear_problem(before.residuals, before.jacobian, before.scale)
+    progress("probe the effects", 0.0)
+    probes = probe_effects(
+        observations,
+        before.model,
+        before.residuals,
+        without=without,
+        progress=lambda share: progress("probe the effects", 0.5 * share),
+    )
+    ranking = rank(problem, probes, shams=options.shams, seed=seed)
+    law = find_law(observations, before.model, before.residuals, problem)
+    judged = []
+    shortlist = [each for each in ranking.ranked if each.held_out_gain >= WORTH_REFITTING][: options.shortlist]
+    for index, each in enumerate(shortlist):
+        progress(f"refit with {each.probe.effect.name}", 0.55 + 0.45 * index / len(shortlist))
+        judged.append(
+            judge(
+                observations,
+                before,
+                each,
+                iterations=options.refit_iterations,
+                bootstraps=options.bootstraps,
+                seed=seed,
+            )
+        )
+    p_null = {each.name: ranking.p_null(each.gain) for each in judged}
+    verdict = decide(judged, p_null, law.held_out_gain, len(observations))
+    return _Round(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)
+
+
+def _same_budget(observations: Sequence[Observation], before: Fitted, options: DiagnosisOptions) -> ObjectModel:
+    """The twin without the effect, refitted for as many further steps as the effects were."""
+    return refit(
+        observations, before.model, before.knobs, iterations=options.refit_iterations, scale=before.scale
+    ).model
+
+
+def _candidates(first: _Round) -> tuple[Candidate, ...]:
+    """All effects, those that were refitted with the figures of the refit."""
+    ranking, refitted = first.ranking, {each.name: each for each in first.judged}
+    found = []
+    for linear in ranking.ranked:
+        name = linear.probe.effect.name
+        each: Ranked | Judged = refitted.get(name, linear)
+        gain = each.gain if isinstance(each, Judged) else each.held_out_gain
+        found.append(
+            Candidate(
+                name=name,
+                held_out_gain=gain,
+                p_null=ranking.p_null(gain),
+                fitted_gain=each.fitted_gain,
+                values=each.values,
+            )
+        )
+    return tuple(sorted(found, key=lambda each: -each.held_out_gain))
+
+
+def _new_version(
+    twin: Twin, model: ObjectModel, episodes: Sequence[Episode], options: DiagnosisOptions, seed: int
+) -> Twin:
+    """The twin with another model, and whence it came."""
+    return replace(
+        twin,
+        model=model,
+        provenance=Provenance(
+            episodes=tuple({"name": each.name, "sha256": episode_digest(each)} for each in episodes),
+            settings=to_mapping(options),
+            seed=seed,
+            code_version=__version__,
+            parent_id=twin.twin_id,
+            scores={},
+        ),
+    )
+
+
+def _evidence(
+    observations: Sequence[Observation],
+    errors: Sequence[Sequence[FreeErrors]],
+    first: Observation,
+    offsets: np.ndarray,
+) -> Evidence:
+    """What the report draws."""
+    names = [each.episode.name for each in observations]
+    after = offsets[first.touched - first.first :]
+    seen = np.isfinite(after).all(axis=2)
+    count = np.where(seen.any(axis=0), seen.sum(axis=0), np.nan)
+    field = np.where(seen[..., None], after, 0.0).sum(axis=0) / count[:, None]
+    return Evidence(
+        times={name: each.episode.times for name, each in zip(names, observations, strict=True)},
+        before={name: pair[0].track for name, pair in zip(names, errors, strict=True)},
+        after={name: pair[1].track for name, pair in zip(names, errors, strict=True)},
+        rest=first.rest,
+        field=field,
+    )

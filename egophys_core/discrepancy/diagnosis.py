@@ -1,0 +1,148 @@
+"""Diagnosis: what a twin lacks, the evidence, and the error before and after; plain data, one JSON file."""
+
+import json
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from egophys_core.files import write_atomically
+
+
+class Outcome(StrEnum):
+    """How a diagnosis ends; exactly one of these."""
+
+    NONE = "none"
+    """The residual is at the floor of noise and model: no effect."""
+    NAMED = "named"
+    AMBIGUOUS = "ambiguous"
+    """Several effects explain the residual alike; `experiment` would split them."""
+    NAMED_AND_UNEXPLAINED = "named_and_unexplained"
+    UNEXPLAINED = "unexplained"
+    """Structure that no effect of the library fits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A number with its 95 % confidence interval."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamedEffect:
+    """An effect that the evidence supports."""
+
+    name: str
+    parameters: dict[str, Estimate]
+    episodes_agree: bool
+    """Whether each episode alone asks for the same parameters, within their intervals."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """What was found for one effect of the library."""
+
+    name: str
+    held_out_gain: float
+    """Gain in log-likelihood on blocks and episodes that were not fitted, over the same refit without the effect."""
+    p_null: float
+    """Share of shams, regressors shifted in time, that gain as much: the largest over all candidates counts."""
+    fitted_gain: float
+    """Gain on what was fitted."""
+    values: dict[str, float]
+    """The fitted parameters, SI units."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeError:
+    """Errors of a free rollout on one episode: the refit without, and with the effect; metres."""
+
+    episode: str
+    track_before_m: float
+    track_after_m: float
+    chamfer_before_m: float
+    chamfer_after_m: float
+    last_residual_track_m: float
+    """The baseline: before, with the residual of the last fitted frame held."""
+    fitted: bool
+    """Whether the episode took part in the fit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Where:
+    """Where the residual lives, before any effect; block means of the observers' innovations."""
+
+    size_m: float
+    """Median size of the residual."""
+    by_region: dict[str, float]
+    """Metres, by where on the object (near the hand, middle, far) and contact (on the table, in the air)."""
+    by_motion: dict[str, float]
+    """Metres, by speed and strain (low, high third)."""
+    worst_time_s: dict[str, float]
+    """Per episode the time at which it is largest, seconds."""
+    law: str
+    """The best generic force law found, as a formula, or empty."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evidence:
+    """What the report draws; metres, per fitted or reported episode by name."""
+
+    times: dict[str, np.ndarray]
+    """[T] seconds."""
+    before: dict[str, np.ndarray]
+    """[T] track error of the free rollout without the effect."""
+    after: dict[str, np.ndarray]
+    """[T] track error with it."""
+    rest: np.ndarray
+    """[P, 3] tracks of the first episode at rest, metres."""
+    field: np.ndarray
+    """[P, 3] their mean residual before any effect, metres."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """The whole of it."""
+
+    outcome: Outcome
+    effects: tuple[NamedEffect, ...]
+    candidates: tuple[Candidate, ...]
+    """By falling held-out gain."""
+    experiment: str | None
+    where: Where
+    error: tuple[EpisodeError, ...]
+    seconds: float
+    reason: str
+    """Why it ended so, in a sentence or two."""
+    twin_id: str
+    """Of the twin diagnosed."""
+    improved_twin_id: str
+    """Of the twin written."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content of `diagnosis.json`."""
+        content = asdict(self)
+        content["effects"] = [asdict(effect) for effect in self.effects]
+        content["candidates"] = [asdict(candidate) for candidate in self.candidates]
+        content["error"] = [asdict(error) for error in self.error]
+        return content
+
+
+def save_diagnosis(diagnosis: Diagnosis, path: Path) -> None:
+    """Write `diagnosis.json` atomically; numbers that are not finite become null."""
+    write_atomically(path, json.dumps(_finite(diagnosis.as_dict()), indent=1).encode())
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,172 @@
+"""Judging: refit the twin with an effect, and hold it against the same refit without."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.discrepancy.diagnosis import Estimate
+from egophys_core.discrepancy.effects import effect_named
+from egophys_core.discrepancy.knobs import Knob, effect_knobs, turned, with_effect
+from egophys_core.discrepancy.linear import (
+    LinearProblem,
+    fit,
+    free_columns,
+    left_out_losses,
+    linear_problem,
+    losses,
+    resampled_steps,
+)
+from egophys_core.discrepancy.ranking import Ranked
+from egophys_core.discrepancy.refit import Fitted, refit, robust_loss
+from egophys_core.discrepancy.residuals import Observation, residuals
+from egophys_core.twin import ObjectModel
+
+SHARES = (0.25, 0.5, 1.0, 1.5)
+"""Of the way to the linear optimum at which a refit may start; it lies short of or beyond the true one."""
+
+AGREEMENT = 2.5
+"""Standard errors by which episodes may differ and still agree."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """An effect after its joint refit."""
+
+    name: str
+    fitted: Fitted
+    problem: LinearProblem
+    fitted_gain: float
+    held_out_gain: float
+    gain_ci95: tuple[float, float]
+    """Of the held-out gain, over resampled blocks of time."""
+    episode_gains: np.ndarray
+    """[E] held-out gain in each episode when it was left out as a whole; nan with one episode."""
+    parameters: dict[str, Estimate]
+    episodes_agree: bool
+
+    @property
+    def gain(self) -> float:
+        """What counts: on left-out data, but not what the refit did not reach, which is the linear model's alone."""
+        return min(self.fitted_gain, self.held_out_gain)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The fitted parameters."""
+        return {name: each.value for name, each in self.parameters.items()}
+
+
+def judge(
+    observations: Sequence[Observation],
+    before: Fitted,
+    ranked: Ranked,
+    *,
+    iterations: int,
+    bootstraps: int,
+    seed: int,
+) -> Judged:
+    """Refit `before` jointly with an effect from its linear optimum, and hold both against left-out data."""
+    name = ranked.probe.effect.name
+    own = effect_knobs(effect_named(name))
+    fitted = refit(
+        observations,
+        _start(observations, before, ranked),
+        (*before.knobs, *own),
+        iterations=iterations,
+        scale=before.scale,
+    )
+    without = linear_problem(before.residuals, before.jacobian, before.scale)
+    problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
+    by_fold = _by_block(without, left_out_losses(without, free_columns(without.base), without.fold)) - _by_block(
+        problem, left_out_losses(problem, free_columns(problem.base), problem.fold)
+    )
+    # What is the object's stays as all episodes fitted it; only the effect has to be told from the other episodes.
+    alone = left_out_losses(problem, free_columns(problem.base[:, len(before.knobs) :]), problem.episode)
+    by_episode = _by_block(without, losses(without.residual, without.scale)) - _by_block(problem, alone)
+    count = len(observations)
+    return Judged(
+        name=name,
+        fitted=fitted,
+        problem=problem,
+        fitted_gain=before.loss - fitted.loss,
+        held_out_gain=float(by_fold.sum()),
+        gain_ci95=_interval_of_sum(by_fold, bootstraps, seed),
+        episode_gains=np.array(
+            [
+                by_episode[np.unique(problem.block[problem.episode == index])].sum() if count > 1 else np.nan
+                for index in range(count)
+            ]
+        ),
+        parameters=_estimates(problem, fitted, own, bootstraps=bootstraps, seed=seed),
+        episodes_agree=_agree(problem, len(before.knobs), bootstraps=bootstraps, seed=seed),
+    )
+
+
+def _start(observations: Sequence[Observation], before: Fitted, ranked: Ranked) -> ObjectModel:
+    """The best of some points on the way from no effect to the linear optimum, with and without the base's share."""
+    name, null, knobs = ranked.probe.effect.name, ranked.probe.null, effect_knobs(ranked.probe.effect)
+    base = np.array([knob.position(before.model) for knob in before.knobs])
+    models = []
+    for share in SHARES:
+        values = {
+            knob.parameter.name: knob.value_at(
+                (1.0 - share) * knob.position_of(null[knob.parameter.name])
+                + share * knob.position_of(ranked.values[knob.parameter.name])
+            )
+            for knob in knobs
+        }
+        for moved in (base, base + min(share, 1.0) * ranked.base_steps):
+            models.append(with_effect(turned(before.model, before.knobs, moved), name, values))
+    found = residuals(observations, models)
+    scores = [robust_loss([each[row] for each in found], before.scale) for row in range(len(models))]
+    return models[int(np.argmin(scores))]
+
+
+def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:
+    """[blocks] sums of values [M] over the blocks of time of all episodes."""
+    return np.bincount(problem.block, weights=values)
+
+
+def _interval_of_sum(values: np.ndarray, resamples: int, seed: int) -> tuple[float, float]:
+    """95 % interval of a sum over blocks, resampled in runs of five (a second)."""
+    generator = np.random.default_rng(seed)
+    run = min(5, len(values))
+    starts = generator.integers(0, len(values), size=(resamples, -(-len(values) // run)))
+    rows = (starts[..., None] + np.arange(run)).reshape(resamples, -1)[:, : len(values)] % len(values)
+    low, high = np.quantile(values[rows].sum(axis=1), [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _estimates(
+    problem: LinearProblem, fitted: Fitted, own: Sequence[Knob], *, bootstraps: int, seed: int
+) -> dict[str, Estimate]:
+    """The effect's parameters with intervals from resampled blocks."""
+    resampled = resampled_steps(problem, resamples=bootstraps, seed=seed)
+    found = {}
+    for column, knob in enumerate(own, start=problem.base.shape[1] - len(own)):
+        parameter = knob.parameter
+        at = knob.position(fitted.model)
+        # The optimum is where the refit ended; resamples say how far it would have gone.
+        low, high = at + np.quantile(resampled[:, column] - np.median(resampled[:, column]), [0.025, 0.975])
+        ends = [
+            float(np.exp(end * parameter.step) if parameter.logarithmic else end * parameter.step)
+            for end in (low, high)
+        ]
+        found[parameter.name] = Estimate(
+            value=knob.read(fitted.model), unit=parameter.unit, ci95=(min(ends), max(ends))
+        )
+    return found
+
+
+def _agree(problem: LinearProblem, first: int, *, bootstraps: int, seed: int) -> bool:
+    """Whether each episode alone asks for the same parameters of the effect, columns from `first` on."""
+    episodes = np.unique(problem.episode)
+    if len(episodes) < 2:
+        return False
+    spread = resampled_steps(problem, resamples=bootstraps, seed=seed).std(axis=0)[first:]
+    alone = []
+    for episode in episodes:
+        rows = problem.episode == episode
+        alone.append(fit(problem.residual[rows], free_columns(problem.base[rows]), problem.scale)[first:])
+    # An episode has a share of the data, so its own error is larger by the root of their number.
+    return bool((np.ptp(alone, axis=0) <= AGREEMENT * np.sqrt(2 * len(episodes)) * spread + 1e-9).all())

@@ -1,0 +1,71 @@
+"""Observations of an object with a few markers: followed freely, a marker a patch, in short blocks of time.
+
+A clamped beam or a cable is not chaotic: what its twin lacks shows best in a free rollout, which no pull towards the
+markers hides. Markers are measured to hundredths of a millimetre at 100 Hz, so a block need not outlast noise.
+"""
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from egophys_core.discrepancy.observed import ObservedTracks, smoothed
+from egophys_core.discrepancy.residuals import FEWEST_IN_BLOCK, Observation
+from egophys_core.episode import Episode
+from egophys_core.errors import DiscrepancyError
+from egophys_core.identification import FitProblem
+from egophys_core.identification.markers import place_markers
+from egophys_core.twin import Twin
+
+FREE = 0.0
+"""Rate of the observer, 1/s."""
+
+LEAST_BLOCK_S = 0.04
+"""Seconds of a block: a quarter of a swing of 6 Hz."""
+
+LEAST_RECORD_S = 0.5
+"""Seconds below which markers show less than a swing."""
+
+
+def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Observation:
+    """Place a twin of markers in an episode.
+
+    Args:
+        load: N, the weight of what hangs at the free end.
+
+    Raises:
+        EpisodeError: other markers or held points than the twin has.
+        DiscrepancyError: a record too short to say anything.
+    """
+    problem = place_markers(twin.model, twin.grasp, episode, load=load)
+    times = problem.episode.times
+    if times[-1] < LEAST_RECORD_S:
+        raise DiscrepancyError(
+            f"{episode.name}: {times[-1]:.2f} s after the object first turned say nothing of what a twin lacks; record "
+            "some swings"
+        )
+    count = problem.episode.points.shape[1]
+    block = max(LEAST_BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
+    return Observation(
+        problem=problem,
+        tracks=_tracks(problem),
+        touched=0,
+        first=0,
+        patches=np.arange(count),
+        # Half a frame more, so that rounding moves no frame to the next block.
+        blocks=np.floor((times + 0.5 * float(np.median(np.diff(times)))) / block).astype(int),
+        rate=FREE,
+    )
+
+
+def _tracks(problem: FitProblem) -> ObservedTracks:
+    """The markers, each at a node of its own."""
+    points = problem.episode.points.astype(np.float64)
+    smooth, velocities = smoothed(points, problem.episode.times)
+    count = points.shape[1]
+    return ObservedTracks(
+        positions=points,
+        smooth=smooth,
+        velocities=velocities,
+        weights=csr_matrix(
+            (np.ones(count), (np.arange(count), problem.bound)), shape=(count, len(problem.start))
+        ),
+    )

@@ -1,0 +1,207 @@
+"""Ranking: which effects of the library could explain what a refitted twin leaves unexplained."""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from egophys_core.discrepancy.effects import LIBRARY, Effect, Surroundings
+from egophys_core.discrepancy.knobs import effect_knobs, with_effect
+from egophys_core.discrepancy.linear import (
+    Columns,
+    LinearProblem,
+    fit,
+    fitted_gain,
+    free_columns,
+    left_out_losses,
+    sham,
+)
+from egophys_core.discrepancy.residuals import Observation, residuals
+from egophys_core.twin import ObjectModel
+
+LEAST_SHIFT = 0.15
+"""Share of an episode by which a sham is at least turned."""
+
+SHAMMED = 8
+"""Effects whose regressors are shifted for shams."""
+
+BATCH = 32
+"""Probes that are simulated together: a bound on memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """An effect at one start, and what each of its sizes does to the residuals."""
+
+    effect: Effect
+    start: dict[str, float]
+    null: dict[str, float]
+    """The start with all sizes at null."""
+    sizes: tuple[str, ...]
+    """Parameters that say how much."""
+    slopes: list[np.ndarray]
+    """Per episode [B, Q, 3, C] metres per step of each size."""
+
+    def columns(self, values: np.ndarray) -> Columns:
+        """The slopes, or shams of them, as columns [M, C] within the bounds of the sizes."""
+        knobs = {knob.parameter.name: knob for knob in effect_knobs(self.effect)}
+        ends = np.array(
+            [
+                [knobs[name].position_of(end) for end in (knobs[name].parameter.low, knobs[name].parameter.high)]
+                for name in self.sizes
+            ]
+        ).reshape(-1, 2)
+        at = np.array([knobs[name].position_of(self.null[name]) for name in self.sizes])
+        return Columns(values=values, low=ends[:, 0] - at, high=ends[:, 1] - at)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """The best start of an effect, by the linear problem."""
+
+    probe: Probe
+    values: dict[str, float]
+    """Parameters at the linear optimum."""
+    base_steps: np.ndarray
+    """[D] steps of the base knobs to that optimum."""
+    fitted_gain: float
+    held_out_gain: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranking:
+    """All effects, best first, and what chance gains."""
+
+    ranked: list[Ranked]
+    chance: np.ndarray
+    """[S] held-out gain of each sham, the largest over effects."""
+
+    def p_null(self, gain: float) -> float:
+        """Share of shams that gain as much."""
+        return float((1 + (self.chance >= gain).sum()) / (1 + len(self.chance)))
+
+
+def surroundings(model: ObjectModel, observations: Sequence[Observation]) -> Surroundings:
+    """Where and when the episodes happen."""
+    points = [each.tracks.positions.reshape(-1, 3) for each in observations]
+    return Surroundings(
+        rest_positions=model.graph.positions.astype(np.float64),
+        low=np.min([np.nanmin(each, axis=0) for each in points], axis=0),
+        high=np.max([np.nanmax(each, axis=0) for each in points], axis=0),
+        contact_begins=min(float(each.episode.times[each.touched]) for each in observations),
+        end=max(float(each.episode.times[-1]) for each in observations),
+    )
+
+
+def probe_effects(
+    observations: Sequence[Observation],
+    model: ObjectModel,
+    found: Sequence[np.ndarray],
+    *,
+    without: Collection[str],
+    progress: Callable[[float], None],
+) -> list[Probe]:
+    """What every effect of the library does to the residuals `found` at its starts.
+
+    Args:
+        without: names of effects that are left out.
+        progress: called with the share done.
+    """
+    around = surroundings(model, observations)
+    asked: list[tuple[Effect, dict[str, float], dict[str, float], tuple[str, ...]]] = []
+    models, owners = [], []
+    for effect in LIBRARY.values():
+        if effect.name in without:
+            continue
+        nulls = {each.name: each.null for each in effect.parameters if each.null is not None}
+        for start in effect.starts(around):
+            null = {**start, **nulls}
+            asked.append((effect, start, null, tuple(nulls)))
+            for name in nulls:
+                models.append(with_effect(model, effect.name, {**null, name: start[name]}))
+                owners.append(len(asked) - 1)
+    results: list[list[np.ndarray]] = [[] for _ in observations]
+    for first in range(0, len(models), BATCH):
+        for index, each in enumerate(residuals(observations, models[first : first + BATCH])):
+            results[index].extend(each)
+        progress(min(1.0, (first + BATCH) / len(models)))
+    rows: list[list[int]] = [[] for _ in asked]
+    for row, owner in enumerate(owners):
+        rows[owner].append(row)
+    return [
+        Probe(
+            effect=effect,
+            start=start,
+            null=null,
+            sizes=sizes,
+            slopes=[
+                np.stack(
+                    [
+                        (results[index][row] - base) / _steps(effect, name, start, null)
+                        for row, name in zip(mine, sizes, strict=True)
+                    ],
+                    axis=-1,
+                )
+                for index, base in enumerate(found)
+            ],
+        )
+        for (effect, start, null, sizes), mine in zip(asked, rows, strict=True)
+    ]
+
+
+def _steps(effect: Effect, name: str, start: dict[str, float], null: dict[str, float]) -> float:
+    """How many steps of a parameter lie between null and start."""
+    knob = next(each for each in effect_knobs(effect) if each.parameter.name == name)
+    return knob.position_of(start[name]) - knob.position_of(null[name])
+
+
+def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: int) -> Ranking:
+    """The effects by what they gain on stretches of time that were left out, best first."""
+    by_effect: dict[str, list[Probe]] = {}
+    for probe in probes:
+        by_effect.setdefault(probe.effect.name, []).append(probe)
+    base = free_columns(problem.base)
+    base_loss = left_out_losses(problem, base, problem.fold).sum()
+
+    def held_out(columns: Columns) -> float:
+        return float(base_loss - left_out_losses(problem, base.beside(columns), problem.fold).sum())
+
+    chosen: list[tuple[Probe, float, float]] = []
+    for group in by_effect.values():
+        columns = [probe.columns(problem.column(probe.slopes)) for probe in group]
+        gains = [fitted_gain(problem, each) for each in columns]
+        best = int(np.argmax(gains))
+        chosen.append((group[best], gains[best], held_out(columns[best])))
+    # Shams of the starts that won: enough to say what a regressor of that shape gains by chance.
+    generator = np.random.default_rng(seed)
+    winners = [probe for probe, _, _ in sorted(chosen, key=lambda each: -each[2])[:SHAMMED]]
+    chance = np.zeros(shams)
+    for index in range(shams):
+        shares = generator.uniform(LEAST_SHIFT, 1.0 - LEAST_SHIFT, len(problem.cells))
+        patches = generator.permutation(problem.cells[0].shape[1])
+        chance[index] = max(
+            [0.0, *(held_out(probe.columns(sham(problem, probe.slopes, shares, patches))) for probe in winners)]
+        )
+    ranked = [
+        Ranked(
+            probe=probe,
+            **_optimum(problem, probe),
+            fitted_gain=gain,
+            held_out_gain=held,
+        )
+        for probe, gain, held in chosen
+    ]
+    return Ranking(ranked=sorted(ranked, key=lambda each: -each.held_out_gain), chance=chance)
+
+
+def _optimum(problem: LinearProblem, probe: Probe) -> dict[str, Any]:
+    """The effect's parameters at the linear optimum, within bounds, and the steps of the base knobs to there."""
+    columns = free_columns(problem.base).beside(probe.columns(problem.column(probe.slopes)))
+    base_steps, steps = np.split(fit(problem.residual, columns, problem.scale), [problem.base.shape[1]])
+    values = dict(probe.null)
+    for knob in effect_knobs(probe.effect):
+        name = knob.parameter.name
+        if name in probe.sizes:
+            values[name] = knob.value_at(knob.position_of(probe.null[name]) + steps[probe.sizes.index(name)])
+    return {"values": values, "base_steps": base_steps}

@@ -1,0 +1,165 @@
+"""Residuals: what observers leave unexplained, as means over patches of the object and blocks of time.
+
+Means over a patch and a fifth of a second carry what missing physics does; what is left of the tracks' noise in them
+is a tenth of its size at a track.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.discrepancy.effects.effect import Action
+from egophys_core.discrepancy.observed import ObservedTracks, observed_tracks
+from egophys_core.discrepancy.observer import RATE, Pull
+from egophys_core.episode import Episode
+from egophys_core.identification import FitProblem, prepare
+from egophys_core.identification.rest_shape import farthest_points, observed_at_rest
+from egophys_core.simulation import Controls, batch_of_models, rollout, with_actions
+from egophys_core.twin import ObjectModel
+
+BLOCK_S = 0.2
+"""Seconds in a block of time."""
+
+PATCHES = 12
+"""Patches of the object, of about equally many tracks."""
+
+LEAD_S = 0.3
+"""Seconds before the first contact at which the observer starts, from rest."""
+
+FEWEST_IN_BLOCK = 4
+"""Seen track positions below which a block of a patch has no mean."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation:
+    """An episode prepared for observers of one twin."""
+
+    problem: FitProblem
+    tracks: ObservedTracks
+    touched: int
+    """First frame of contact."""
+    first: int
+    """Frame at which observers start."""
+    patches: np.ndarray
+    """[P] patch of each track."""
+    blocks: np.ndarray
+    """[T] block of each frame, -1 before the first contact."""
+    rate: float = RATE
+    """w of its observers, 1/s; 0 for free rollouts."""
+
+    @property
+    def episode(self) -> Episode:
+        """What was observed."""
+        return self.problem.episode
+
+    @property
+    def rest(self) -> np.ndarray:
+        """[P, 3] metres, the tracks before the first contact."""
+        return np.asarray(np.nanmean(self.tracks.positions[: max(self.touched, 1)], axis=0))
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks B."""
+        return int(self.blocks.max()) + 1
+
+    def controls(self) -> Controls:
+        """The hands from where observers start."""
+        return self.problem.controls.part(slice(self.first, None))
+
+
+def observe(model: ObjectModel, episode: Episode) -> Observation:
+    """Place the twin in an episode.
+
+    Raises:
+        EpisodeError: no hand ever moves the object.
+    """
+    graph = model.graph
+    spacing = float(np.median(graph.rest_lengths))
+    problem = prepare(episode, graph.positions, graph.surface, spacing=spacing)
+    touched = observed_at_rest(episode, problem.hands)[0]
+    tracks = observed_tracks(problem, graph.surface, touched)
+    rest = np.nanmean(tracks.positions[: max(touched, 1)], axis=0)
+    centres = rest[farthest_points(rest, PATCHES)]
+    times = episode.times
+    blocks = np.floor((times - times[touched]) / BLOCK_S).astype(int)
+    return Observation(
+        problem=problem,
+        tracks=tracks,
+        touched=touched,
+        first=int(np.searchsorted(times, times[touched] - LEAD_S)),
+        patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),
+        blocks=np.where(times >= times[touched], blocks, -1),
+    )
+
+
+def track_offsets(
+    observation: Observation,
+    models: Sequence[ObjectModel],
+    *,
+    actions: Sequence[tuple[Action, ...]] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where each model's observer leaves the tracks unexplained.
+
+    Args:
+        actions: per model what else acts on it.
+
+    Returns:
+        [K, T - first, P, 3] metres, measured minus twin, NaN where unseen; and [K] bool, which rollouts diverged.
+    """
+    problem, count = observation.problem, len(models)
+    batch = batch_of_models(
+        models,
+        [observation.controls()] * count,
+        starts=[problem.start] * count,
+        ground_height=problem.episode.ground_height,
+    )
+    rate = observation.rate
+    pulls = (Pull(observation.tracks, problem.episode.times, rate=rate),) if rate > 0 else ()
+    result = rollout(with_actions(batch, tuple((*pulls, *more) for more in actions or [()] * count)))
+    measured = observation.tracks.positions[observation.first :]
+    offsets = np.stack([measured - observation.tracks.on_twin(positions) for positions in result.positions])
+    return offsets, np.array([failure is not None for failure in result.failures])
+
+
+def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
+    """[K, B, Q, 3] metres: offsets [K, T - first, P, 3] averaged over cells; NaN where too few tracks are seen."""
+    blocks = observation.blocks[observation.first :]
+    cells = blocks[:, None] * PATCHES + observation.patches[None]
+    seen = np.isfinite(observation.tracks.positions[observation.first :]).all(axis=2) & (blocks >= 0)[:, None]
+    cell, size = cells[seen], observation.block_count * PATCHES
+    counts = np.bincount(cell, minlength=size)
+    means = np.full((len(offsets), size, 3), np.nan)
+    enough = counts >= FEWEST_IN_BLOCK
+    for row, offset in enumerate(offsets):
+        values = offset[seen]
+        sums = np.stack([np.bincount(cell, weights=values[:, axis], minlength=size) for axis in range(3)], axis=1)
+        means[row, enough] = sums[enough] / counts[enough, None]
+    return means.reshape(len(offsets), observation.block_count, PATCHES, 3)
+
+
+def residuals(observations: Sequence[Observation], models: Sequence[ObjectModel]) -> list[np.ndarray]:
+    """Per episode [K, B, Q, 3] metres: the block means of each model's observer; infinite where it diverged."""
+    return _of_each(observations, lambda each: _means(each, *track_offsets(each, models)))
+
+
+def residuals_with(
+    observations: Sequence[Observation], model: ObjectModel, actions: Sequence[Action]
+) -> list[np.ndarray]:
+    """As `residuals`, of one model with each of the actions in turn."""
+    models, single = [model] * len(actions), [(action,) for action in actions]
+    return _of_each(observations, lambda each: _means(each, *track_offsets(each, models, actions=single)))
+
+
+def _of_each(observations: Sequence[Observation], compute: Callable[[Observation], np.ndarray]) -> list[np.ndarray]:
+    """The results of all episodes, computed side by side."""
+    with ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)))) as pool:
+        return list(pool.map(compute, observations))
+
+
+def _means(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
+    means = block_means(observation, offsets)
+    means[diverged] = np.inf
+    return means

@@ -1,0 +1,126 @@
+"""The verdict: from judged effects to one outcome. All thresholds of the diagnosis are here.
+
+They were set on rehearsed data without any effect (docs/notes/discrepancy.md): a twin is never right, and what it lacks
+anyway is soaked up by some effects of the library. What gains no more than that is no evidence.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from egophys_core.discrepancy.diagnosis import Outcome
+from egophys_core.discrepancy.effects import effect_named
+from egophys_core.discrepancy.judging import Judged
+
+LEAST_GAIN = 30.0
+"""Held-out gain in log-likelihood that an effect must reach to be named."""
+
+LARGEST_P = 0.05
+"""Share of shams that may gain as much."""
+
+RIVAL = 0.75
+"""An effect that gains this share of the best one's gain is not told apart from it."""
+
+STRUCTURE_GAIN = 60.0
+"""Held-out gain of a generic law, or of an effect that is not accepted, from which a residual is called structured."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """An outcome and what it rests on."""
+
+    outcome: Outcome
+    judged: tuple[Judged, ...]
+    """The effect named, or those that cannot be told apart; the best first."""
+    reason: str
+    experiment: str | None
+
+
+def acceptable(judged: Judged, p_null: float) -> bool:
+    """Whether an effect stands on its own: beyond chance and mismatch, in both senses of held out, and physical."""
+    lost = judged.episode_gains[judged.episode_gains == judged.episode_gains]
+    return (
+        judged.gain >= LEAST_GAIN
+        and judged.gain_ci95[0] > 0.0
+        and p_null <= LARGEST_P
+        and (len(lost) == 0 or lost.sum() > 0.0)
+        and differs_from_null(judged)
+        and not at_bound(judged)
+    )
+
+
+def differs_from_null(judged: Judged) -> bool:
+    """Whether the interval of some size leaves out the value at which the effect vanishes."""
+    sizes = [each for each in effect_named(judged.name).parameters if each.null is not None]
+    intervals = [(judged.parameters[each.name].ci95, each.null) for each in sizes]
+    return any(null < low or null > high for (low, high), null in intervals if null is not None)
+
+
+def at_bound(judged: Judged) -> bool:
+    """Whether a size ended at the end of its range: no physics, but something else taking its part."""
+    for parameter in effect_named(judged.name).parameters:
+        if parameter.null is None:
+            continue
+        value = judged.parameters[parameter.name].value
+        for bound in (parameter.low, parameter.high):
+            if value == bound and bound != parameter.null:
+                return True
+    return False
+
+
+def decide(judged: Sequence[Judged], p_null: dict[str, float], law_gain: float, episodes: int) -> Verdict:
+    """One outcome for the effects judged, of which none or several may be acceptable.
+
+    Args:
+        p_null: per effect the share of shams that gain as much.
+        law_gain: held-out gain of the best generic law.
+        episodes: how many were fitted; one cannot show that an effect is the object's and not the motion's.
+    """
+    ordered = sorted(judged, key=lambda each: -each.gain)
+    good = [each for each in ordered if acceptable(each, p_null[each.name])]
+    if not good:
+        best = max([law_gain, *(each.gain for each in ordered)], default=law_gain)
+        if best >= STRUCTURE_GAIN:
+            return Verdict(
+                outcome=Outcome.UNEXPLAINED,
+                judged=(),
+                reason=f"the residual has structure (a gain of {best:.0f} where chance and a twin's own mismatch reach "
+                f"{LEAST_GAIN:.0f}), but no effect of the library passes all tests",
+                experiment=None,
+            )
+        return Verdict(
+            outcome=Outcome.NONE,
+            judged=(),
+            reason=f"no effect gains more on held-out data ({max(best, 0.0):.0f}) than a twin's own mismatch does "
+            f"({LEAST_GAIN:.0f})",
+            experiment=None,
+        )
+    best_one = good[0]
+    rivals = [each for each in good[1:] if each.gain >= RIVAL * best_one.gain]
+    if rivals or episodes < 2:
+        names = ", ".join(each.name for each in (best_one, *rivals))
+        why = (
+            f"{names} explain the residual about equally well"
+            if rivals
+            else f"{best_one.name} explains the residual, but of one motion only"
+        )
+        return Verdict(
+            outcome=Outcome.AMBIGUOUS,
+            judged=(best_one, *rivals),
+            reason=why,
+            experiment=experiment(best_one.name, len(rivals) == 0),
+        )
+    return Verdict(
+        outcome=Outcome.NAMED,
+        judged=(best_one,),
+        reason=f"{best_one.name} gains {best_one.gain:.0f} on held-out data "
+        f"(95 %: {best_one.gain_ci95[0]:.0f} to {best_one.gain_ci95[1]:.0f}), where at most {LARGEST_P:.0%} of shams "
+        "gain as much, and clearly more than any other effect",
+        experiment=None,
+    )
+
+
+def experiment(name: str, one_motion: bool) -> str:
+    """What to do next to tell an effect from what mimics it."""
+    effect = effect_named(name)
+    more = "record a second episode of another motion; then " if one_motion else ""
+    return f"{more}{effect.experiment} (tells {name} from {', '.join(effect.mimics)})"

@@ -1,0 +1,36 @@
+"""Refits: known numbers come back from a far start, and knobs stay within their bounds."""
+
+import numpy as np
+import pytest
+
+from egophys_core.discrepancy.effects import LIBRARY
+from egophys_core.discrepancy.knobs import base_knobs, effect_knobs, effect_values, with_effect
+from egophys_core.discrepancy.refit import refit, robust_loss
+from egophys_core.discrepancy.residuals import observe, residuals
+from tests.discrepancy.rehearsed import WIND, episodes, sheet
+
+
+@pytest.mark.parametrize("index", range(len(base_knobs(sheet()))))
+def test_a_knob_reads_what_it_was_turned_to(index):
+    knob = base_knobs(sheet())[index]
+    at = knob.position(sheet())
+    assert knob.position(knob.to(sheet(), at + 1.0)) == pytest.approx(at + 1.0, abs=1e-4)
+    far = knob.read(knob.to(sheet(), 1e6))
+    assert far == pytest.approx(knob.parameter.high, rel=1e-5)
+
+
+def test_a_force_comes_back_with_its_direction_and_size():
+    observations = [observe(sheet(), episode) for episode in episodes(WIND)]
+    start = with_effect(sheet(), WIND.name, {"x": 0.0, "y": 0.0, "z": 0.0})
+    fitted = refit(observations, start, effect_knobs(LIBRARY[WIND.name]), iterations=8)
+    found = effect_values(fitted.model, WIND.name)
+    assert [found[axis] for axis in "xyz"] == pytest.approx([1.5, -1.0, 0.0], abs=0.2)
+
+
+def test_a_refit_never_ends_worse_than_it_began():
+    observations = [observe(sheet(), episode) for episode in episodes(WIND)]
+    fitted = refit(observations, sheet(), base_knobs(sheet()), iterations=2)
+    start = [each[0] for each in residuals(observations, [sheet()])]
+    assert fitted.loss <= robust_loss(start, fitted.scale) + 1e-6
+    assert [each.shape[-1] for each in fitted.jacobian] == [len(base_knobs(sheet()))] * 2
+    assert np.isfinite(fitted.jacobian[0]).any()

@@ -1,0 +1,83 @@
+"""The verdict: what is named, what is not told apart, and what is not claimed."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from egophys_core.discrepancy.diagnosis import Estimate, Outcome
+from egophys_core.discrepancy.judging import Judged
+from egophys_core.discrepancy.verdict import LEAST_GAIN, STRUCTURE_GAIN, decide
+
+
+def judged(name: str, gain: float, **changes) -> Judged:
+    """An effect that passes all tests if its gain is large."""
+    numbers = {"quadratic_drag": {"coefficient": 3.0}, "control_delay": {"delay": 0.05}}[name]
+    fields = {
+        "name": name,
+        "fitted": SimpleNamespace(),
+        "problem": SimpleNamespace(),
+        "fitted_gain": gain,
+        "held_out_gain": gain,
+        "gain_ci95": (0.5 * gain, 1.5 * gain),
+        "episode_gains": np.array([gain / 2, gain / 2]),
+        "parameters": {
+            key: Estimate(value=value, unit="1", ci95=(0.5 * value, 2 * value)) for key, value in numbers.items()
+        },
+        "episodes_agree": True,
+    }
+    return Judged(**{**fields, **changes})
+
+
+P = {"quadratic_drag": 0.01, "control_delay": 0.01}
+CLEAR = 3 * LEAST_GAIN
+
+
+def test_one_clear_effect_is_named():
+    verdict = decide([judged("control_delay", 5.0), judged("quadratic_drag", CLEAR)], P, 10.0, 2)
+    assert verdict.outcome == Outcome.NAMED
+    assert [each.name for each in verdict.judged] == ["quadratic_drag"]
+
+
+def test_little_gain_is_no_effect():
+    verdict = decide([judged("quadratic_drag", 0.5 * LEAST_GAIN)], P, 0.0, 2)
+    assert (verdict.outcome, verdict.judged) == (Outcome.NONE, ())
+
+
+@pytest.mark.parametrize(
+    "flaw",
+    [
+        {"gain_ci95": (-1.0, CLEAR)},
+        {"episode_gains": np.array([5.0, -60.0])},
+        {"parameters": {"coefficient": Estimate(value=60.0, unit="1/m", ci95=(50.0, 70.0))}},
+        {"parameters": {"coefficient": Estimate(value=0.1, unit="1/m", ci95=(-0.1, 0.3))}},
+        {"fitted_gain": 0.0},
+    ],
+)
+def test_an_effect_with_a_flaw_is_not_named(flaw):
+    verdict = decide([replace(judged("quadratic_drag", CLEAR), **flaw)], P, 0.0, 2)
+    assert verdict.outcome in (Outcome.NONE, Outcome.UNEXPLAINED)
+    assert not verdict.judged
+
+
+def test_shams_that_gain_as_much_forbid_a_name():
+    assert not decide([judged("quadratic_drag", CLEAR)], {"quadratic_drag": 0.3}, 0.0, 2).judged
+
+
+def test_two_that_gain_alike_are_ambiguous_with_an_experiment():
+    verdict = decide([judged("quadratic_drag", CLEAR), judged("control_delay", 0.95 * CLEAR)], P, 0.0, 2)
+    assert verdict.outcome == Outcome.AMBIGUOUS
+    assert [each.name for each in verdict.judged] == ["quadratic_drag", "control_delay"]
+    assert "swing" in verdict.experiment
+
+
+def test_one_episode_names_nothing_and_says_what_to_record():
+    verdict = decide([judged("quadratic_drag", CLEAR)], P, 0.0, 1)
+    assert verdict.outcome == Outcome.AMBIGUOUS
+    assert "second episode" in verdict.experiment
+
+
+def test_structure_that_nothing_fits_is_unexplained():
+    verdict = decide([judged("quadratic_drag", 1.0)], P, 2 * STRUCTURE_GAIN, 2)
+    assert (verdict.outcome, verdict.judged) == (Outcome.UNEXPLAINED, ())

@@ -6,6 +6,7 @@ import os
 import threading
 from pathlib import Path
 
+import nav_msgs.msg
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
@@ -16,6 +17,7 @@ from egophys_ros_common.processes import MESSAGE_TIMEOUT
 from egophys_ros_common.qos import latched
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from lifecycle_msgs.msg import Transition
+from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from egophys_core.robot import Calibration
@@ -102,6 +104,9 @@ def test_a_plan_is_executed_and_measured(bridge, client):
     np.testing.assert_allclose(
         position(client.message(PoseStamped, f"{NODE}/tool_pose")), SHORT.positions[-1], atol=1e-4
     )
+    # What was executed reaches who comes late.
+    assert client.message(nav_msgs.msg.Path, f"{NODE}/executed", qos=latched()) == ended.result.executed
+    assert client.message(Float64, f"{NODE}/gripper_command", qos=latched()).data == 0.05
 
 
 def test_it_tells_where_the_robot_stands(bridge, client):

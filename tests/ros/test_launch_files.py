@@ -7,18 +7,21 @@ from pathlib import Path
 import pytest
 import yaml
 
+from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.episode_source import SourceOptions
 from egophys_core.identification import FitOptions
 from egophys_core.options import from_mapping, to_mapping
 from egophys_core.perception.board import Board
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.planning import PlanOptions
+from egophys_core.rehearsal import RehearsalOptions
 
 SOURCES = Path(__file__).resolve().parents[2] / "ros2_ws/src"
 LAUNCH_FILES = sorted(SOURCES.glob("*/launch/*.launch.py"))
 EXECUTABLES = {
     "egophys_twin": {"twin_node", "observer_node", "recorder_node"},
     "egophys_planner": {"mppi_planner_node"},
+    "egophys_rehearsal": {"rehearsal_node"},
     "xarm_bridge": {"bridge_node", "emulator"},
 }
 
@@ -37,6 +40,7 @@ def test_there_are_launch_files():
         "twin.launch.py",
         "planner.launch.py",
         "observer.launch.py",
+        "rehearsal.launch.py",
         "egophys.launch.py",
     }
 
@@ -71,12 +75,14 @@ def test_launch_loads_it(path):
     ("file", "node", "group", "options"),
     [
         ("egophys_twin/config/twin.yaml", "twin_node", "", FitOptions),
+        ("egophys_twin/config/twin.yaml", "twin_node", "diagnosis", DiagnosisOptions),
         ("egophys_twin/config/twin.yaml", "twin_node", "", SourceOptions),
         ("egophys_twin/config/twin.yaml", "twin_node", "perception", PerceptionOptions),
         ("egophys_twin/config/twin.yaml", "twin_node", "board", Board),
         ("egophys_twin/config/observer.yaml", "observer_node", "perception", PerceptionOptions),
         ("egophys_twin/config/observer.yaml", "observer_node", "board", Board),
         ("egophys_planner/config/planner.yaml", "mppi_planner_node", "", PlanOptions),
+        ("egophys_rehearsal/config/rehearsal.yaml", "rehearsal_node", "", RehearsalOptions),
     ],
 )
 def test_parameter_files_list_every_option_with_its_default(file, node, group, options):
@@ -98,3 +104,10 @@ def test_the_recorder_logs_what_replay_needs():
         *(f"/twin_node/training/{name}_points" for name in ("object", "controller")),
         *(f"/mppi_planner_node/{name}" for name in ("problem", "target", "plan")),
     }
+
+
+def test_the_recorder_logs_what_a_diagnosis_needs():
+    topics = yaml.safe_load((SOURCES / "egophys_twin/config/recorder.yaml").read_text())
+    twin = yaml.safe_load((SOURCES / "egophys_twin/config/twin.yaml").read_text())["twin_node"]["ros__parameters"]
+    logged = set(topics["recorder_node"]["ros__parameters"]["topics"])
+    assert logged >= {twin[name] for name in ("object_topic", "controller_topic", "executed_topic")}

@@ -1,1 +1,1 @@
-"""Builds a twin and rolls it out (twin_node); watches the object (observer_node); records (recorder_node)."""
+"""Builds, rolls out and diagnoses a twin (twin_node); watches the object (observer_node); records (recorder_node)."""

@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, LoadedEpisode, is_video, load_episodes
-from egophys_core.errors import RecordingError
 from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, Progress, build_twin
 from egophys_core.twin import Twin, save_twin
+from egophys_twin.recordings import require_recordings
 
 NOT_KNOWN = float("nan")
+"""Loss of a stage that has none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,17 +32,26 @@ class BuildRequest:
             RecordingError: no recording given, or one does not exist.
             OutputError: the twin cannot be written where it is asked for.
         """
-        if not self.episode_paths:
-            raise RecordingError("no episode given; name at least one recording in episode_paths")
-        for path in self.episode_paths:
-            if not path.exists():
-                raise RecordingError(f"{path}: no such recording on the machine of the twin node")
+        require_recordings(self.episode_paths)
         require_writable(self.output_path)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuiltTwin:
+    """What a build ends with."""
+
+    twin: Twin
+    path: Path
+
+    @property
+    def summary(self) -> str:
+        """For a person."""
+        return f"built twin {self.twin.twin_id}: {self.path}"
 
 
 def run_build(
     request: BuildRequest, *, on_episodes: Callable[[Sequence[LoadedEpisode]], None], progress: Progress
-) -> Twin:
+) -> BuiltTwin:
     """Read the recordings or perceive their videos, fit a twin and save it.
 
     Args:
@@ -68,4 +78,4 @@ def run_build(
     )
     progress("save", 1.0, NOT_KNOWN)
     save_twin(twin, request.output_path)
-    return twin
+    return BuiltTwin(twin=twin, path=request.output_path)

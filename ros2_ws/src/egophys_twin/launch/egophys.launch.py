@@ -1,9 +1,10 @@
 """All nodes, configured and activated: twin, planner, bridge with emulator; the recorder if told where to, the
-observer if there is a camera.
+observer if there is a camera, the rehearsal if there is no object.
 
 ros2 launch egophys_twin egophys.launch.py log_folder:=PATH
 ros2 launch egophys_twin egophys.launch.py use_emulator:=false robot_ip:=192.168.1.200 calibration_file:=PATH
 ros2 launch egophys_twin egophys.launch.py use_observer:=true
+ros2 launch egophys_twin egophys.launch.py use_rehearsal:=true effects:=control_delay log_folder:=PATH
 ros2 launch egophys_twin egophys.launch.py --show-args   # those of the included launch files too
 """
 
@@ -26,6 +27,7 @@ def generate_launch_description() -> LaunchDescription:
         "recorder_params_file": (str(config / "recorder.yaml"), "parameters of recorder_node: the topics"),
         "use_bridge": ("true", "start the bridge to the arm, or to the emulator"),
         "use_observer": ("false", "start the observer of the live camera"),
+        "use_rehearsal": ("false", "start the rehearsal, a simulated object that the arm handles"),
     }
     return LaunchDescription(
         [
@@ -51,6 +53,7 @@ def generate_launch_description() -> LaunchDescription:
             _include("egophys_planner", "planner.launch.py"),
             _include("xarm_bridge", "bridge.launch.py", IfCondition(LaunchConfiguration("use_bridge"))),
             _include("egophys_twin", "observer.launch.py", IfCondition(LaunchConfiguration("use_observer"))),
+            _include("egophys_rehearsal", "rehearsal.launch.py", IfCondition(LaunchConfiguration("use_rehearsal"))),
         ]
     )
 

@@ -47,8 +47,16 @@ class Arm:
         calibration: Calibration,
         limits: MotionLimits,
         has_gripper: bool = True,
+        on_gripper: Callable[[float], None] = lambda opening: None,
     ) -> None:
         """Takes over the connection; `close` closes it. Nothing moves yet.
+
+        Args:
+            connection: to the controller.
+            calibration: where the robot stands and what it holds.
+            limits: of every motion.
+            has_gripper: whether the openings of plans are followed.
+            on_gripper: called with each opening that the gripper is told to have, metres.
 
         Raises:
             RobotError: the limits allow poses farther apart than servo mode executes.
@@ -64,6 +72,7 @@ class Arm:
         self._calibration = calibration
         self._limits = limits
         self._has_gripper = has_gripper
+        self._on_gripper = on_gripper
         self._executing = threading.Lock()
         self._stop_requested = threading.Event()
 
@@ -138,7 +147,7 @@ class Arm:
         self._connection.enter_servo_mode()
         if self._has_gripper:
             self._connection.prepare_gripper()
-            self._connection.move_gripper(path.opening_at(0.0))
+            self._move_gripper(path.opening_at(0.0))
         completed = (
             self._stream(approach.pose_at, approach.duration, lambda clock, cycle: None)
             and self._settle(lambda: None)
@@ -179,7 +188,7 @@ class Arm:
             nonlocal opening
             wanted = path.opening_at(clock)
             if self._has_gripper and wanted != opening:
-                self._connection.move_gripper(wanted)
+                self._move_gripper(wanted)
                 opening = wanted
             if cycle % CYCLES_PER_SAMPLE == 0 or clock >= path.duration:
                 recorder.sample(clock=clock, gripper=cycle % CYCLES_PER_GRIPPER_SAMPLE == 0)
@@ -224,6 +233,10 @@ class Arm:
             before = now
             self._stop_requested.wait(SETTLE_INTERVAL)
         return not self._stop_requested.is_set()
+
+    def _move_gripper(self, opening: float) -> None:
+        self._connection.move_gripper(opening)
+        self._on_gripper(opening)
 
     def _opening(self) -> float:
         return self._connection.gripper_opening() if self._has_gripper else float("nan")

@@ -4,6 +4,7 @@ import sys
 import threading
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from egophys_msgs.action import ExecutePlan
 from egophys_ros_common.managed_node import ManagedNode, run_node
@@ -11,12 +12,15 @@ from egophys_ros_common.parameters import declare_options, read_options
 from egophys_ros_common.qos import latched
 from egophys_ros_common.worker import Worker
 from geometry_msgs.msg import PoseStamped, TransformStamped
+from nav_msgs import msg as nav_msgs
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.task import Future
+from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from egophys_core.errors import EgophysError, RobotError
@@ -83,13 +87,14 @@ class BridgeNode(ManagedNode):
             calibration=self._calibration,
             limits=self._limits,
             has_gripper=self.get_parameter("has_gripper").value,
+            on_gripper=partial(self.hand_over, self._publish_opening),
         )
         self._stops = self.own(Worker("stop", self.hand_over), Worker.close)
         self._recoveries = self.own(Worker("recover", self.hand_over), Worker.close)
         self._executions = self.own(Worker("execute", self.hand_over), Worker.close)
-        self._tool_poses = self.own(
-            self.create_publisher(PoseStamped, "~/tool_pose", qos_profile_sensor_data), self.destroy_publisher
-        )
+        self._tool_poses = self._publisher(PoseStamped, "~/tool_pose", qos_profile_sensor_data)
+        self._openings = self._publisher(Float64, "~/gripper_command", latched())
+        self._executed = self._publisher(nav_msgs.Path, "~/executed", latched())
         self._publish_base_frame()
         self.own(
             ActionServer(
@@ -111,7 +116,7 @@ class BridgeNode(ManagedNode):
         """Take plans and publish the tool pose."""
         self._monitor = Monitor(
             self._arm,
-            on_pose=partial(self.hand_over, self._publish_pose),
+            on_pose=self._tell_pose,
             on_failure=partial(self.hand_over, self.refuse, "cannot read the arm"),
         )
 
@@ -137,19 +142,28 @@ class BridgeNode(ManagedNode):
             raise RobotError("parameter calibration_file is empty; give the YAML file with world_to_base")
         return Path(path)
 
+    def _publisher(self, kind: Any, name: str, qos: QoSProfile) -> Publisher:
+        return self.own(self.create_publisher(kind, name, qos), self.destroy_publisher)
+
     def _publish_base_frame(self) -> None:
         now = self.get_clock().now().to_msg()
         base_frame = self.get_parameter("base_frame").value
         message = base_frame_message(self._calibration.world_to_base, base_frame, now)
-        publisher = self.create_publisher(TransformStamped, "~/world_to_base", latched())
-        self.own(publisher, self.destroy_publisher).publish(message)
+        self._publisher(TransformStamped, "~/world_to_base", latched()).publish(message)
         if TFMessage is not None:
-            static = self.create_publisher(TFMessage, "/tf_static", latched())
-            self.own(static, self.destroy_publisher).publish(TFMessage(transforms=[message]))
+            self._publisher(TFMessage, "/tf_static", latched()).publish(TFMessage(transforms=[message]))
 
-    def _publish_pose(self, pose: Transform) -> None:
+    def _tell_pose(self, pose: Transform) -> None:
+        # On the monitor's thread: the stamp is that of the measurement, however busy the executor is.
+        self.hand_over(self._publish_pose, pose_message(pose, self.get_clock().now().to_msg()))
+
+    def _publish_pose(self, message: PoseStamped) -> None:
         if self.is_active:
-            self._tool_poses.publish(pose_message(pose, self.get_clock().now().to_msg()))
+            self._tool_poses.publish(message)
+
+    def _publish_opening(self, opening: float) -> None:
+        if self.is_active:
+            self._openings.publish(Float64(data=opening))
 
     def _check_goal(self, goal: ExecutePlan.Goal) -> GoalResponse:
         try:
@@ -191,6 +205,8 @@ class BridgeNode(ManagedNode):
             return ExecutePlan.Result(success=False, message=self.refuse("plan not executed", error))
         finally:
             self._goal = None
+        result = result_message(executed)
+        self._executed.publish(result.executed)
         if executed.completed:
             self.last_error = ""
             handle.succeed()
@@ -198,7 +214,7 @@ class BridgeNode(ManagedNode):
             handle.canceled()
         else:
             handle.abort()
-        return result_message(executed)
+        return result
 
     def _feed_back(self, handle: ServerGoalHandle, share: float, pose: Transform) -> None:
         if self._goal is not None and handle is self._goal:

@@ -1,0 +1,82 @@
+"""Where the tool was, and whether its gripper was closed. Imports no ROS."""
+
+from bisect import bisect_left, bisect_right
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+STILL_M = 1e-3
+"""A tool that stays within this has not moved."""
+
+
+class ToolTrack:
+    """Measured poses and commanded openings by the time of measurement and command, nanoseconds since the epoch."""
+
+    def __init__(self, *, closed_below: float) -> None:
+        """Know nothing yet; a gripper opened less than `closed_below` metres is closed."""
+        self._closed_below = closed_below
+        self._stamps: list[int] = []
+        self._positions: list[np.ndarray] = []
+        self._rotations: list[Rotation] = []
+        self._commands: list[int] = []
+        self._openings: list[float] = []
+
+    @property
+    def newest_ns(self) -> int | None:
+        """Stamp of the newest pose."""
+        return self._stamps[-1] if self._stamps else None
+
+    def add_pose(self, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Add a pose: [3] metres, [4] x y z w; one that is no newer than the last is dropped."""
+        if not self._stamps or stamp_ns > self._stamps[-1]:
+            self._stamps.append(stamp_ns)
+            self._positions.append(np.asarray(position, float))
+            self._rotations.append(Rotation.from_quat(quaternion))
+
+    def add_opening(self, stamp_ns: int, opening: float) -> None:
+        """Add an opening, metres, that was commanded."""
+        self._commands.append(stamp_ns)
+        self._openings.append(opening)
+
+    def open(self) -> None:
+        """Take the gripper for open until it is told otherwise."""
+        self._commands, self._openings = [], []
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Drop what is not needed for times from a stamp on."""
+        poses = max(0, bisect_right(self._stamps, stamp_ns) - 1)
+        del self._stamps[:poses], self._positions[:poses], self._rotations[:poses]
+        commands = max(0, bisect_right(self._commands, stamp_ns) - 1)
+        del self._commands[:commands], self._openings[:commands]
+
+    def points_at(self, stamp_ns: int, cloud: np.ndarray) -> np.ndarray:
+        """[C, 3] metres, world: points [C, 3] in the tool frame at a time; before the first pose as at it."""
+        after = bisect_left(self._stamps, stamp_ns)
+        if after in (0, len(self._stamps)):
+            nearest = min(after, len(self._stamps) - 1)
+            return self._rotations[nearest].apply(cloud) + self._positions[nearest]
+        first, second = self._stamps[after - 1 : after + 1]
+        share = (stamp_ns - first) / (second - first)
+        position = (1 - share) * self._positions[after - 1] + share * self._positions[after]
+        # Poses are measured every 20 ms; between two the nearer rotation will do.
+        return self._rotations[after if share > 0.5 else after - 1].apply(cloud) + position
+
+    def is_closed(self, stamp_ns: int) -> bool:
+        """Whether the gripper was told to close."""
+        last = bisect_right(self._commands, stamp_ns) - 1
+        return last >= 0 and self._openings[last] < self._closed_below
+
+    def still_until(self, stamp_ns: int, *, since_ns: int) -> int:
+        """The time until which nothing has happened, neither since `since_ns` nor after `stamp_ns`.
+
+        Returns:
+            At least `stamp_ns`, at most the newest pose.
+        """
+        begin = max(0, bisect_right(self._stamps, since_ns) - 1)
+        until = stamp_ns
+        for stamp, position in zip(self._stamps[begin:], self._positions[begin:], strict=True):
+            if np.linalg.norm(position - self._positions[begin]) > STILL_M:
+                break
+            until = max(until, stamp)
+        commands = [each for each in self._commands if each > since_ns]
+        return max(stamp_ns, min([until, *commands]))

@@ -1,4 +1,4 @@
-"""Diagnoses of the recorded cases whose effects are not declared, and of those whose effects are."""
+"""Diagnoses of the recorded cases: those that declare what they hold, and the blind ones, which do not."""
 
 import json
 import time
@@ -12,7 +12,11 @@ from egophys_core.identification import FitOptions, build_twin
 from egophys_core.recording import read_episode
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
-RESULT = Path(__file__).parent / "blind/diagnoses.json"
+BLIND = Path(__file__).parent / "blind/diagnoses.json"
+"""The blind cases alone, by name: what is judged against a key that is kept apart."""
+
+RESULT = Path(__file__).parent / "results/diagnoses.json"
+
 FITTED, REPORTED = (0, 1), (2, 3)
 """Episodes that are fitted and selected on, and those the error is reported on."""
 
@@ -31,12 +35,28 @@ def measure(folder: Path) -> dict[str, Any]:
     return {**found.as_dict(), "build_seconds": building}
 
 
-def run() -> dict[str, Any]:
-    """Diagnose every case; results are kept after each, and a run goes on where the last one stopped."""
-    results = json.loads(RESULT.read_text()) if RESULT.exists() else {}
-    RESULT.parent.mkdir(exist_ok=True)
-    for folder in [*sorted((DATA / "open").iterdir()), *sorted((DATA / "blind").iterdir())]:
-        if folder.name not in results:
-            results[folder.name] = measure(folder)
-            write_atomically(RESULT, (json.dumps(results, indent=1) + "\n").encode())
-    return {"cases": results}
+def run(*, part: int = 0, parts: int = 1) -> dict[str, Any]:
+    """Diagnose every case; results are kept after each, and a run goes on where the last one stopped.
+
+    Args:
+        part: of `parts` that run side by side, each with cases and a file of its own.
+    """
+    folders = [*sorted((DATA / "open").iterdir()), *sorted((DATA / "blind").iterdir())]
+    path = RESULT if parts == 1 else RESULT.with_suffix(f".{part}.json")
+    cases = json.loads(path.read_text())["cases"] if path.exists() else {}
+    for folder in folders[part::parts]:
+        if folder.name not in cases:
+            cases[folder.name] = measure(folder)
+            _write(path, {"cases": cases})
+    return {"cases": cases}
+
+
+def write_blind(cases: dict[str, Any]) -> None:
+    """The blind cases of a result, on their own."""
+    names = {folder.name for folder in (DATA / "blind").iterdir()}
+    BLIND.parent.mkdir(exist_ok=True)
+    _write(BLIND, {name: case for name, case in sorted(cases.items()) if name in names})
+
+
+def _write(path: Path, content: dict[str, Any]) -> None:
+    write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import perception, physics, towel
+from benchmarks import blind, perception, physics, planted, towel
 from egophys_core.files import write_atomically
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -18,6 +18,8 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "physics": physics.run,
     "towel": towel.run,
     "perception": perception.run,
+    "planted": planted.run,
+    "diagnoses": blind.run,
 }
 
 
@@ -27,6 +29,8 @@ def main() -> None:
         result = {**BENCHMARKS[name](), "machine": _machine(), "commit": _commit(), "command": "make bench"}
         write_atomically(RESULTS / f"{name}.json", (json.dumps(result, indent=1) + "\n").encode())
         print(json.dumps(result, indent=1))
+        if name == "diagnoses":
+            blind.write_blind(result["cases"])
     renew_tables()
 
 
@@ -38,6 +42,8 @@ def renew_tables() -> None:
         ("accuracy", "physics", _accuracy_table),
         ("towel", "towel", _towel_table),
         ("perception", "perception", _perception_table),
+        ("planted", "planted", _planted_table),
+        ("diagnoses", "diagnoses", _diagnoses_table),
     ):
         text = table(json.loads((RESULTS / f"{result}.json").read_text()))
         before, begin, rest = readme.partition(f"<!-- benchmark {name} -->\n")
@@ -46,6 +52,42 @@ def renew_tables() -> None:
         _, end, after = rest.partition("<!-- end -->")
         readme = f"{before}{begin}{text}\n{end}{after}"
     write_atomically(REPOSITORY / "README.md", readme.encode())
+
+
+def _diagnoses_table(result: dict[str, Any]) -> str:
+    lines = [
+        "| case | outcome | effects | track before | track after | Chamfer before | Chamfer after | s |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name, case in result["cases"].items():
+        held = [error for error in case["error"] if not error["fitted"]]
+        keys = ("track_before_m", "track_after_m", "chamfer_before_m", "chamfer_after_m")
+        means = [f"{1000 * sum(error[key] for error in held) / len(held):.1f}" for key in keys]
+        effects = ", ".join(effect["name"] for effect in case["effects"]) or "-"
+        lines.append(f"| {name} | {case['outcome']} | {effects} | {' | '.join(means)} | {case['seconds']:.0f} |")
+    return "\n".join(lines)
+
+
+def _planted_table(result: dict[str, Any]) -> str:
+    """A row for each planted effect and size: what the diagnosis said of it."""
+    rows = sorted(result["rows"], key=lambda row: (row["effect"] != "none", row["effect"], row["size"]))
+    nothing = [row for row in rows if row["effect"] == "none"]
+    wrong = [", ".join(row["named"]) for row in nothing if row["named"]]
+    lines = [
+        f"Of {len(nothing)} sets without an effect {len(wrong)} were given a name"
+        + (f" ({'; '.join(wrong)})" if wrong else "")
+        + ".",
+        "",
+        "| planted | size | left out of the library | outcome | named |",
+        "|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {row['effect']} | {row['size']} | {'yes' if row['without'] else ''} | {row['outcome']} | "
+        f"{', '.join(row['named']) or '-'} |"
+        for row in rows
+        if row["effect"] != "none"
+    ]
+    return "\n".join(lines)
 
 
 def _simulation_table(result: dict[str, Any]) -> str:

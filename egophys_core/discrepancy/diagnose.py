@@ -238,7 +238,8 @@ def _search(
             )
         )
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}
-    verdict = decide(judged, p_null, law.held_out_gain, len(observations))
+    second = bool(before.model.effects)
+    verdict = decide(judged, p_null, law.held_out_gain, len(observations), second=second)
     return _Round(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)
 
 

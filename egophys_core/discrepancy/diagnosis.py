@@ -125,17 +125,13 @@ class Diagnosis:
     """Of the twin written."""
 
     def as_dict(self) -> dict[str, Any]:
-        """The content of `diagnosis.json`."""
-        content = asdict(self)
-        content["effects"] = [asdict(effect) for effect in self.effects]
-        content["candidates"] = [asdict(candidate) for candidate in self.candidates]
-        content["error"] = [asdict(error) for error in self.error]
-        return content
+        """The content of `diagnosis.json`; numbers that are not finite are None."""
+        return dict(_finite(asdict(self)))
 
 
 def save_diagnosis(diagnosis: Diagnosis, path: Path) -> None:
-    """Write `diagnosis.json` atomically; numbers that are not finite become null."""
-    write_atomically(path, json.dumps(_finite(diagnosis.as_dict()), indent=1).encode())
+    """Write `diagnosis.json` atomically."""
+    write_atomically(path, json.dumps(diagnosis.as_dict(), indent=1).encode())
 
 
 def _finite(value: Any) -> Any:

@@ -4,6 +4,8 @@ A clamped beam or a cable is not chaotic: what its twin lacks shows best in a fr
 markers hides. Markers are measured to hundredths of a millimetre at 100 Hz, so a block need not outlast noise.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.sparse import csr_matrix
 
@@ -12,7 +14,7 @@ from egophys_core.discrepancy.residuals import FEWEST_IN_BLOCK, Observation
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import FitProblem
-from egophys_core.identification.markers import place_markers
+from egophys_core.identification.markers import CLAMP_STILL, place_markers
 from egophys_core.twin import Twin
 
 FREE = 0.0
@@ -20,6 +22,16 @@ FREE = 0.0
 
 LEAST_BLOCK_S = 0.04
 """Seconds of a block: a quarter of a swing of 6 Hz."""
+
+NOT_TOLD_BY_A_STILL_CLAMP = (
+    "tracking_offset",
+    "tracking_rotation",
+    "tracking_scale",
+    "gripper_offset",
+    "control_delay",
+    "grasp_slip",
+)
+"""Effects on how held points move or where they are: of a clamp that stands still they are how it was mounted."""
 
 LEAST_RECORD_S = 0.5
 """Seconds below which markers show less than a swing."""
@@ -56,6 +68,12 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
     )
 
 
+def effects_untold(observations: Sequence[Observation]) -> tuple[str, ...]:
+    """Effects that episodes cannot tell, to be left out of a diagnosis."""
+    ways = [np.ptp(each.problem.controls.positions, axis=0).max(initial=0.0) for each in observations]
+    return NOT_TOLD_BY_A_STILL_CLAMP if max(ways, default=0.0) < CLAMP_STILL else ()
+
+
 def _tracks(problem: FitProblem) -> ObservedTracks:
     """The markers, each at a node of its own."""
     points = problem.episode.points.astype(np.float64)
@@ -65,7 +83,5 @@ def _tracks(problem: FitProblem) -> ObservedTracks:
         positions=points,
         smooth=smooth,
         velocities=velocities,
-        weights=csr_matrix(
-            (np.ones(count), (np.arange(count), problem.bound)), shape=(count, len(problem.start))
-        ),
+        weights=csr_matrix((np.ones(count), (np.arange(count), problem.bound)), shape=(count, len(problem.start))),
     )

@@ -1,7 +1,7 @@
 """The verdict: from judged effects to one outcome. All thresholds of the diagnosis are here.
 
-They were set on rehearsed data without any effect (docs/notes/discrepancy.md): a twin is never right, and what it lacks
-anyway is soaked up by some effects of the library. What gains no more than that is no evidence.
+A twin is never right, and what it lacks anyway is soaked up by some effects of the library, several of them alike; what
+gains no more than that is no evidence (docs/notes/discrepancy.md). A true effect stands alone, but for what mimics it.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,17 @@ from egophys_core.discrepancy.diagnosis import Outcome
 from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.judging import Judged
 
-LEAST_GAIN = 30.0
-"""Held-out gain in log-likelihood that an effect must reach to be named."""
+LEAST_GAIN = 25.0
+"""Gain in log-likelihood that an effect must reach to be named if it stands alone."""
+
+CROWDED_GAIN = 40.0
+"""Gain it must reach beside others that gain more than half as much."""
+
+SECOND_GAIN = 60.0
+"""Gain that an effect must reach to be named beside another: what is left then is mismatch for the most part."""
+
+CROWD = 0.5
+"""Share of an effect's gain from which another, which does not mimic it, makes a crowd."""
 
 LARGEST_P = 0.05
 """Share of shams that may gain as much."""
@@ -48,6 +57,13 @@ def acceptable(judged: Judged, p_null: float) -> bool:
     )
 
 
+def needed(judged: Judged, others: Sequence[Judged]) -> float:
+    """The gain that an effect needs beside others."""
+    alike = {judged.name, *effect_named(judged.name).mimics}
+    crowd = [each for each in others if each.name not in alike and each.gain > CROWD * judged.gain]
+    return CROWDED_GAIN if crowd else LEAST_GAIN
+
+
 def differs_from_null(judged: Judged) -> bool:
     """Whether the interval of some size leaves out the value at which the effect vanishes."""
     sizes = [each for each in effect_named(judged.name).parameters if each.null is not None]
@@ -67,31 +83,39 @@ def at_bound(judged: Judged) -> bool:
     return False
 
 
-def decide(judged: Sequence[Judged], p_null: dict[str, float], law_gain: float, episodes: int) -> Verdict:
+def decide(
+    judged: Sequence[Judged], p_null: dict[str, float], law_gain: float, episodes: int, *, second: bool = False
+) -> Verdict:
     """One outcome for the effects judged, of which none or several may be acceptable.
 
     Args:
+        second: whether they would be named beside another effect.
         p_null: per effect the share of shams that gain as much.
         law_gain: held-out gain of the best generic law.
         episodes: how many were fitted; one cannot show that an effect is the object's and not the motion's.
     """
     ordered = sorted(judged, key=lambda each: -each.gain)
-    good = [each for each in ordered if acceptable(each, p_null[each.name])]
+    least = SECOND_GAIN if second else 0.0
+    good = [
+        each
+        for each in ordered
+        if acceptable(each, p_null[each.name]) and each.gain >= max(least, needed(each, ordered))
+    ]
     if not good:
         best = max([law_gain, *(each.gain for each in ordered)], default=law_gain)
         if best >= STRUCTURE_GAIN:
             return Verdict(
                 outcome=Outcome.UNEXPLAINED,
                 judged=(),
-                reason=f"the residual has structure (a gain of {best:.0f} where chance and a twin's own mismatch reach "
-                f"{LEAST_GAIN:.0f}), but no effect of the library passes all tests",
+                reason=f"the residual has structure (a gain of {best:.0f} where a twin's own mismatch reaches "
+                f"{CROWDED_GAIN:.0f}), but no effect of the library passes all tests",
                 experiment=None,
             )
         return Verdict(
             outcome=Outcome.NONE,
             judged=(),
-            reason=f"no effect gains more on held-out data ({max(best, 0.0):.0f}) than a twin's own mismatch does "
-            f"({LEAST_GAIN:.0f})",
+            reason=f"what gains most on held-out data gains {max(best, 0.0):.0f}; a twin's own mismatch gains up to "
+            f"{CROWDED_GAIN:.0f}, and an effect that stands alone needs {LEAST_GAIN:.0f} and to pass all tests",
             experiment=None,
         )
     best_one = good[0]

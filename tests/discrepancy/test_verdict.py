@@ -8,12 +8,16 @@ import pytest
 
 from egophys_core.discrepancy.diagnosis import Estimate, Outcome
 from egophys_core.discrepancy.judging import Judged
-from egophys_core.discrepancy.verdict import LEAST_GAIN, STRUCTURE_GAIN, decide
+from egophys_core.discrepancy.verdict import CROWDED_GAIN, LEAST_GAIN, SECOND_GAIN, STRUCTURE_GAIN, decide
 
 
 def judged(name: str, gain: float, **changes) -> Judged:
     """An effect that passes all tests if its gain is large."""
-    numbers = {"quadratic_drag": {"coefficient": 3.0}, "control_delay": {"delay": 0.05}}[name]
+    numbers = {
+        "quadratic_drag": {"coefficient": 3.0},
+        "control_delay": {"delay": 0.05},
+        "anisotropy": {"cosine": 0.2, "sine": 0.1},
+    }[name]
     fields = {
         "name": name,
         "fitted": SimpleNamespace(),
@@ -30,7 +34,7 @@ def judged(name: str, gain: float, **changes) -> Judged:
     return Judged(**{**fields, **changes})
 
 
-P = {"quadratic_drag": 0.01, "control_delay": 0.01}
+P = {"quadratic_drag": 0.01, "control_delay": 0.01, "anisotropy": 0.01}
 CLEAR = 3 * LEAST_GAIN
 
 
@@ -38,6 +42,19 @@ def test_one_clear_effect_is_named():
     verdict = decide([judged("control_delay", 5.0), judged("quadratic_drag", CLEAR)], P, 10.0, 2)
     assert verdict.outcome == Outcome.NAMED
     assert [each.name for each in verdict.judged] == ["quadratic_drag"]
+
+
+def test_beside_others_that_gain_alike_more_is_asked_for():
+    gain = 0.5 * (LEAST_GAIN + CROWDED_GAIN)
+    alone = decide([judged("control_delay", gain)], P, 0.0, 2)
+    crowded = decide([judged("control_delay", gain), judged("anisotropy", 0.7 * gain)], P, 0.0, 2)
+    assert (alone.outcome, crowded.outcome) == (Outcome.NAMED, Outcome.NONE)
+
+
+def test_a_second_effect_needs_more():
+    gain = 0.5 * (CROWDED_GAIN + SECOND_GAIN)
+    verdict = decide([judged("control_delay", gain)], P, 0.0, 2, second=True)
+    assert verdict.outcome == Outcome.NONE
 
 
 def test_little_gain_is_no_effect():

@@ -1,0 +1,145 @@
+"""Objects with a few markers: a synthetic cantilever is placed, followed and recovered."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from egophys_core.discrepancy.markers import effects_untold, observe_markers
+from egophys_core.discrepancy.residuals import residuals
+from egophys_core.episode import Episode
+from egophys_core.errors import EpisodeError, OptionsError
+from egophys_core.identification.marker_fit import (
+    MarkerFit,
+    MarkerSearch,
+    build_marker_twin,
+    marker_errors,
+    marker_model,
+)
+from egophys_core.identification.markers import MarkerBody, find_onset, marker_body, place_markers
+from egophys_core.identification.template import parse_template
+from egophys_core.simulation import ContactKind, Controls, batch_of_models, rollout
+from egophys_core.twin import ObjectModel, Provenance, Twin
+
+HELD = np.array([[-0.005, -0.01, 0.5], [-0.005, 0.01, 0.5], [0.015, 0.0, 0.5]]) - [0.0017, 0.0, 0.0]
+TRACKS = np.array([[0.095, -0.008, 0.504], [0.095, 0.008, 0.504], [0.092, 0.0, 0.492]])
+TEMPLATE = "box:0.1x0.015x0.015"
+DENSITY, RATE, DRAG = 1000.0, 8e6, 3.0
+FRAMES = 120
+
+
+def still_episode(held: np.ndarray = HELD, tracks: np.ndarray = TRACKS) -> Episode:
+    """The markers where they are before anything moves."""
+    return Episode(
+        name="cantilever",
+        times=0.01 * np.arange(FRAMES),
+        points=np.repeat(tracks[None], FRAMES, axis=0).astype(np.float32),
+        confidence=np.ones((FRAMES, len(tracks)), np.float32),
+        point_ids=np.arange(len(tracks), dtype=np.uint32),
+        controllers=np.repeat(held[None], FRAMES, axis=0).astype(np.float32),
+        controller_ids=np.arange(len(held), dtype=np.uint32),
+    )
+
+
+def body_and_model() -> tuple[MarkerBody, ObjectModel]:
+    """The cantilever, straight, and its true numbers."""
+    body = marker_body(still_episode(), parse_template(TEMPLATE))
+    stiffness = RATE * DENSITY * body.spacing**3
+    return body, marker_model(body, density=DENSITY, stiffness=stiffness, damping=1e-9, drag=DRAG)
+
+
+def swinging(body: MarkerBody, model: ObjectModel) -> Episode:
+    """The cantilever released under gravity."""
+    known = len(HELD) + len(TRACKS)
+    episode = still_episode()
+    ghosts = np.repeat(body.grasp[None, known:], FRAMES, axis=0)
+    controls = Controls(
+        times=episode.times, positions=ghosts, contact=np.full(ghosts.shape[:2], ContactKind.HOLD, np.uint8)
+    )
+    result = rollout(batch_of_models([model], [controls], ground_height=-10.0))
+    result.raise_on_failure()
+    return replace(episode, points=result.positions[0][:, -len(TRACKS) :])
+
+
+@pytest.fixture(scope="module")
+def cantilever() -> tuple[MarkerBody, ObjectModel, Episode]:
+    body, model = body_and_model()
+    return body, model, swinging(body, model)
+
+
+def twin_of(body: MarkerBody, model: ObjectModel) -> Twin:
+    return Twin(
+        model=model,
+        grasp=body.grasp,
+        ground_height=-10.0,
+        provenance=Provenance(episodes=(), settings={}, seed=0, code_version="", scores={}),
+    )
+
+
+def test_begins_where_the_swing_turns(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    episode = cantilever[2]
+    onset = find_onset(episode)
+    heights = episode.points[:, :, 2].mean(axis=1)
+    assert abs(onset.frame - int(heights[:40].argmin())) <= 1
+    assert onset.markers[:, 2].mean() == pytest.approx(heights[:40].min(), abs=5e-5)
+
+
+def test_what_is_not_let_go_begins_at_once() -> None:
+    onset = find_onset(still_episode())
+    assert (onset.frame, onset.time) == (0, 0.0)
+
+
+def test_free_rollout_from_the_turn_follows_the_swing(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    body, model, episode = cantilever
+    observation = observe_markers(twin_of(body, model), episode)
+    found = residuals([observation], [model])[0][0]
+    swing = np.ptp(episode.points[:, :, 2].mean(axis=1))
+    # Bent by its markers it is not quite as gravity bent it, and higher modes are not at rest.
+    assert np.nanmax(np.abs(found)) < 0.05 * swing
+
+
+def test_true_stiffness_beats_its_neighbours(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    body, _, episode = cantilever
+    search = MarkerSearch(body, [episode], {}, DENSITY)
+    fits: list[MarkerFit] = [
+        search.at(np.array([np.log(RATE * factor), np.log(1e-9), DRAG, 0.0])) for factor in (0.8, 0.9, 1.0, 1.1, 1.25)
+    ]
+    assert int(np.argmin(marker_errors(fits))) == 2
+
+
+def test_load_pulls_and_slows(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    body, model, episode = cantilever
+    problem = place_markers(model, body.grasp, episode, load=0.1)
+    payload = problem.controls.payload
+    assert payload is not None
+    assert payload.sum() == pytest.approx(0.1 / 9.81)
+    ends = problem.start[payload > 0]
+    assert ends[:, 0].min() > 0.09
+
+
+def test_a_still_clamp_tells_nothing_of_the_hands(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    body, model, episode = cantilever
+    observation = observe_markers(twin_of(body, model), episode)
+    assert "tracking_offset" in effects_untold([observation])
+    assert observation.rate == 0.0
+
+
+def test_clamp_is_followed_when_it_moves() -> None:
+    body, model = body_and_model()
+    episode = still_episode()
+    shift = np.linspace(0.0, 0.05, FRAMES)[:, None, None] * [0.0, 1.0, 0.0]
+    moved = replace(episode, controllers=(episode.controllers + shift).astype(np.float32))
+    held = place_markers(model, body.grasp, moved).controls.positions[:, len(HELD) :]
+    np.testing.assert_allclose(held[-1] - held[0], np.broadcast_to([0.0, 0.05, 0.0], held[0].shape), atol=1e-6)
+
+
+def test_bad_input_is_refused() -> None:
+    episode = still_episode()
+    with pytest.raises(EpisodeError, match="no held points"):
+        marker_body(
+            replace(episode, controllers=episode.controllers[:, :0], controller_ids=episode.controller_ids[:0]), None
+        )
+    with pytest.raises(OptionsError, match="not among"):
+        build_marker_twin([episode], None, loads={"other": 1.0})
+    with pytest.raises(OptionsError, match="density"):
+        build_marker_twin([episode], None, density=0.0)

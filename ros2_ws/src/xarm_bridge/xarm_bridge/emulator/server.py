@@ -234,10 +234,11 @@ async def _main(arguments: argparse.Namespace) -> int:
     except (OSError, ValueError) as error:
         print(f"emulator: {error}; another address may be free: --host 127.0.0.2", file=sys.stderr)
         return 2
-    print(f"xArm6 emulator ready on {where}", flush=True)
     running = asyncio.ensure_future(emulator.run())
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, running.cancel)
+    # Whoever waits for this line may stop the emulator right after it.
+    print(f"xArm6 emulator ready on {where}", flush=True)
     with contextlib.suppress(asyncio.CancelledError):
         await running
     emulator.close()

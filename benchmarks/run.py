@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import blind, perception, physics, planted, towel
+from benchmarks import beam, blind, perception, physics, planted, towel
 from egophys_core.files import write_atomically
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -20,6 +20,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "perception": perception.run,
     "planted": planted.run,
     "diagnoses": blind.run,
+    "beam": beam.run,
 }
 
 

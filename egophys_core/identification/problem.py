@@ -53,12 +53,7 @@ class FitProblem:
 
     def train_controls(self) -> Controls:
         """Controls from `first_frame` to the last train frame."""
-        frames = slice(self.first_frame, self.episode.train_frames)
-        return Controls(
-            times=self.controls.times[frames],
-            positions=self.controls.positions[frames],
-            contact=self.controls.contact[frames],
-        )
+        return self.controls.part(slice(self.first_frame, self.episode.train_frames))
 
     def loss_frames(self, stride: int) -> np.ndarray:
         """Frames the loss looks at."""

@@ -49,6 +49,4 @@ class Controls:
 
     def part(self, frames: slice) -> "Controls":
         """The same over some of the frames."""
-        return replace(
-            self, times=self.times[frames], positions=self.positions[frames], contact=self.contact[frames]
-        )
+        return replace(self, times=self.times[frames], positions=self.positions[frames], contact=self.contact[frames])

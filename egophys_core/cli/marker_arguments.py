@@ -1,0 +1,51 @@
+"""Command-line arguments for objects that are seen at a few markers."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+from egophys_core.errors import OptionsError
+from egophys_core.identification.marker_fit import DENSITY
+from egophys_core.identification.markers import MOST_MARKERS
+
+
+def add_marker_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments for objects that are seen at a few markers."""
+    group = parser.add_argument_group(f"markers, for recordings of at most {MOST_MARKERS} points")
+    group.add_argument(
+        "--template",
+        metavar="SHAPE",
+        help="box:LxWxH or an .obj or .stl file, in metres; by default a bar from the held points to the markers",
+    )
+    group.add_argument("--density", type=float, default=DENSITY, help="kg/m^3 (default %(default)g)")
+    add_load_argument(group)
+
+
+def add_load_argument(group: argparse._ArgumentGroup | argparse.ArgumentParser) -> None:
+    """What hangs at the free end."""
+    group.add_argument(
+        "--load",
+        action="append",
+        default=[],
+        metavar="EPISODE=N",
+        help="weight in newtons of what hangs at the free end in an episode, by its file's name; may be repeated",
+    )
+
+
+def loads_from(given: Sequence[str], names: Sequence[str]) -> dict[str, float]:
+    """Newtons by name of the episode, from `EPISODE=N`; the ending of the name may be left out.
+
+    Raises:
+        OptionsError: not of this form, or for none of the episodes.
+    """
+    loads = {}
+    for text in given:
+        name, _, newtons = text.rpartition("=")
+        match = next((each for each in names if name in (each, Path(each).stem)), None)
+        if match is None:
+            raise OptionsError(f"--load {text}: give EPISODE=N with one of the episodes {', '.join(names)}")
+        try:
+            loads[match] = float(newtons)
+        except ValueError as error:
+            raise OptionsError(f"--load {text}: {newtons!r} is not a number of newtons") from error
+    return loads

@@ -1,0 +1,344 @@
+"""Objects seen at a few markers: a lattice from a template, carried by held points, with a node at every marker.
+
+Held points stand for a clamp: the layer of the lattice nearest to them is its face, and moves with them as one piece.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from egophys_core.episode import Episode
+from egophys_core.errors import EpisodeError
+from egophys_core.identification.contact import Contact, Hand
+from egophys_core.identification.problem import FitProblem
+from egophys_core.identification.statics import equilibrium
+from egophys_core.identification.template import Lattice, Template, box_template, cut, lattice
+from egophys_core.simulation import ContactKind, Controls
+from egophys_core.twin import GRAVITY, ObjectModel, SpringGraph, SpringKind
+
+MOST_MARKERS = 12
+"""Tracks up to which an episode is one of markers: fewer than the patches of a seen surface."""
+
+ANCHORS = 6
+"""Nodes of the lattice that a marker hangs on."""
+
+HAND_GAP = 0.15
+"""Metres: held points that are nearer to each other belong to one clamp."""
+
+CLAMP_STILL = 0.002
+"""Metres: held points that never move farther belong to a clamp that stands still; markers slip in their glue."""
+
+RELEASED_M = 0.004
+"""Metres that markers have moved when they are taken to move: more than a clamp that is touched shakes them."""
+
+RELEASED_WITHIN = 0.1
+"""Seconds after the start: what begins to move later was not held back at the start."""
+
+NO_TABLE = 10.0
+"""Metres below the lowest marker."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MarkerBody:
+    """A template placed in an episode."""
+
+    graph: SpringGraph
+    """The lattice, then a node for each marker."""
+    grasp: np.ndarray
+    """[C + P + G, 3] metres: the episode's held points, then its markers in frame 0, then the clamped nodes."""
+    spacing: float
+    """Metres, edge of a cubic cell of the lattice."""
+    notes: tuple[str, ...]
+    """What was assumed, in words."""
+
+
+def is_sparse(episode: Episode) -> bool:
+    """Whether an episode shows an object at a few markers."""
+    return episode.points.shape[1] <= MOST_MARKERS
+
+
+def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
+    """Place a template, by default a bar as long and thick as the markers say, where an episode shows the object.
+
+    The first clamp is at the template's -x end, a second one, if its centre is nearer to the other end, at +x.
+
+    Raises:
+        EpisodeError: no held points, or the markers do not tell a direction.
+    """
+    if episode.controllers.shape[1] == 0:
+        raise EpisodeError(f"{episode.name}: no held points; record the markers of the clamp as controller points")
+    held = episode.controllers[0].astype(np.float64)
+    seen = episode.visible[0]
+    if not seen.all():
+        raise EpisodeError(
+            f"{episode.name}: marker {episode.point_ids[~seen][0]} is hidden in the first frame; cut the record there"
+        )
+    tracks = episode.points[0].astype(np.float64)
+    clamps = [held[members].mean(axis=0) for members in clamp_groups(held)]
+    frame, near, span = _frame(episode, clamps, tracks)
+    notes = []
+    if template is None:
+        template = _bar(tracks, frame, near, span)
+        notes.append(f"no template: taken for a bar of {' x '.join(f'{edge:.3g}' for edge in template.size)} m")
+    if len(clamps) > 1:
+        # What is longer than the way between two clamps lies inside them.
+        inside = max(template.length - span, 0.0)
+        template = cut(template, inside / 2, inside / 2)
+    centre = near + frame[0] * template.length / 2
+    along = [float((clamp - centre) @ frame[0]) for clamp in clamps]
+    ends = (True, any(place > 0.25 * template.length for place in along))
+    cells = lattice(template, held_ends=ends)
+    held_layers = {int(np.abs(_layer_places(cells) - place).argmin()) for place in along}
+    towards = "the other clamp" if ends[1] else "the markers"
+    notes.append(
+        f"its first end lies at the clamp's centre and it points to {towards}, {1000 * span:.1f} mm from there; "
+        f"{1000 * template.length:.1f} mm of it are free; its width is taken to be level"
+    )
+    clamped = np.isin(cells.layers, list(held_layers))
+    nodes = cells.nodes @ frame + centre
+    graph = _graph(nodes, cells, tracks)
+    return MarkerBody(
+        graph=graph,
+        grasp=np.concatenate([held, tracks, nodes[clamped]]).astype(np.float32),
+        spacing=cells.spacing,
+        notes=tuple(notes),
+    )
+
+
+def clamp_groups(held: np.ndarray) -> list[np.ndarray]:
+    """Indices of the held points [C, 3] of each clamp."""
+    label = np.full(len(held), -1)
+    for seed in range(len(held)):
+        if label[seed] < 0:
+            near = np.linalg.norm(held - held[seed], axis=1) < HAND_GAP
+            label[near & (label < 0)] = label.max() + 1
+    return [np.flatnonzero(label == clamp) for clamp in range(label.max() + 1)]
+
+
+def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, load: float = 0.0) -> FitProblem:
+    """A twin of markers in an episode of its object.
+
+    It is placed by the held points and the markers of frame 0 as one rigid body. If it is let go at the start its
+    episode begins where its swing first turns, and it begins bent as the markers say.
+
+    Args:
+        grasp: of the twin, as in `MarkerBody`.
+        load: N, the weight of what hangs at its free end all the time.
+
+    Raises:
+        EpisodeError: other markers or held points than the twin was built with.
+    """
+    count, markers = episode.controllers.shape[1], episode.points.shape[1]
+    nodes = model.graph.positions.astype(np.float64)
+    held, tracks = episode.controllers[0].astype(np.float64), episode.points[0].astype(np.float64)
+    if len(grasp) <= count + markers or len(nodes) <= markers or not np.isfinite(tracks).all():
+        raise EpisodeError(
+            f"{episode.name}: the twin needs its {markers} markers in view in the first frame and its {count} held "
+            "points; is it a twin of these markers (egophys build --template)?"
+        )
+    known = count + markers
+    turn, shift = rigid_fit(grasp[:known].astype(np.float64), np.concatenate([held, tracks]))
+    placed, clamped = nodes @ turn.T + shift, grasp[known:].astype(np.float64) @ turn.T + shift
+    onset = find_onset(episode)
+    shown = _from_onset(episode, onset)
+    driven = np.concatenate([shown.controllers, _carried(shown, clamped)], axis=1)
+    contact = np.full(driven.shape[:2], ContactKind.HOLD, np.uint8)
+    contact[:, :count] = ContactKind.NONE
+    hand = Hand(
+        controllers=np.arange(count, driven.shape[1]),
+        contacts=(Contact(first=0, last=shown.frames - 1, kind=ContactKind.HOLD),),
+    )
+    return FitProblem(
+        episode=shown,
+        hands=(hand,),
+        start=_bent(model, placed, clamped, onset.markers).astype(np.float32),
+        bound=np.arange(len(nodes) - markers, len(nodes)),
+        controls=Controls(
+            times=shown.times,
+            positions=driven.astype(np.float32),
+            contact=contact,
+            payload=_payload(placed, markers, clamped, load / GRAVITY) if load else None,
+        ),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Onset:
+    """A moment from which an object can be simulated: it is at rest, if only for that moment."""
+
+    frame: int
+    """The last frame that is not after it."""
+    time: float
+    """Seconds."""
+    markers: np.ndarray
+    """[P, 3] metres, then."""
+
+
+def find_onset(episode: Episode) -> Onset:
+    """The first turning point of what is let go at the start, or the start itself.
+
+    How a hand lets go, and a load that is slack at first, takes some hundredths of a second that no model knows. Where
+    the swing turns for the first time speeds are 0 and markers are seen: a parabola through three frames gives both.
+    """
+    points, times = episode.points.astype(np.float64), episode.times
+    way = np.linalg.norm(np.nanmean(points - points[0], axis=1), axis=1)
+    gone = int(np.argmax(way > RELEASED_M))
+    start = Onset(frame=0, time=0.0, markers=points[0])
+    if gone == 0 or times[gone] > RELEASED_WITHIN:
+        return start
+    turns = [frame for frame in range(gone, episode.frames - 1) if way[frame - 1] < way[frame] >= way[frame + 1]]
+    if not turns or not np.isfinite(points[turns[0] - 1 : turns[0] + 2]).all():
+        return start
+    around = slice(turns[0] - 1, turns[0] + 2)
+    curve = np.polyfit(times[around] - times[turns[0]], way[around], 2)
+    turn = float(times[turns[0]] - curve[1] / (2.0 * curve[0])) if curve[0] < 0 else float(times[turns[0]])
+    each = np.polyfit(times[around] - turn, points[around].reshape(3, -1), 2)
+    return Onset(frame=int(np.searchsorted(times, turn, side="right")) - 1, time=turn, markers=each[2].reshape(-1, 3))
+
+
+def _from_onset(episode: Episode, onset: Onset) -> Episode:
+    """The episode from there on, the moment itself its first frame; without a table."""
+    frames = slice(onset.frame, None)
+    times, points = episode.times[frames] - onset.time, episode.points[frames].copy()
+    times[0], points[0] = 0.0, onset.markers
+    # A frame that follows at once would be no frame: it takes the place of the moment.
+    if len(times) > 2 and times[1] < 0.05 * times[2]:
+        times, points, frames = np.delete(times, 1), np.delete(points, 1, axis=0), slice(onset.frame + 1, None)
+    return replace(
+        episode,
+        times=times,
+        points=points.astype(np.float32),
+        confidence=episode.confidence[frames],
+        controllers=episode.controllers[frames],
+        # What is clamped needs no table, and none is told: z = 0 may be the floor of the laboratory.
+        ground_height=float(np.nanmin(episode.points[..., 2])) - NO_TABLE,
+    )
+
+
+def pitched(body: MarkerBody, known: int, angle: float) -> MarkerBody:
+    """The body turned about its clamp, upward for a positive angle, rad; the first `known` points of its grasp stay.
+
+    Held points tell where a clamp is, and not to a degree how what it holds points.
+    """
+    clamp = body.grasp[known:].astype(np.float64)
+    middle = clamp.mean(axis=0)
+    along = (body.graph.positions - middle).mean(axis=0)
+    level = np.array([along[1], -along[0], 0.0])
+    level /= max(float(np.linalg.norm(level)), 1e-9)
+    turn = Rotation.from_rotvec(angle * level).as_matrix()
+    nodes = (body.graph.positions - middle) @ turn.T + middle
+    grasp = np.concatenate([body.grasp[:known], (clamp - middle) @ turn.T + middle])
+    return replace(
+        body,
+        graph=replace(body.graph, positions=nodes.astype(np.float32)),
+        grasp=grasp.astype(np.float32),
+    )
+
+
+def rigid_fit(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation [3, 3] and shift [3] that bring points [P, 3] nearest to others (Kabsch, Acta Cryst. A32 (1976) 922)."""
+    middle, aim = source.mean(axis=0), target.mean(axis=0)
+    left, _, right = np.linalg.svd((source - middle).T @ (target - aim))
+    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    turn = (left @ mirror @ right).T
+    return turn, aim - turn @ middle
+
+
+def _frame(episode: Episode, clamps: Sequence[np.ndarray], tracks: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Axes [3, 3] of the template in the world as rows, the first clamp's centre [3], and the way to the other end."""
+    near = clamps[0]
+    far = clamps[-1] if len(clamps) > 1 else tracks.mean(axis=0)
+    span = float(np.linalg.norm(far - near))
+    if span < 1e-3:
+        raise EpisodeError(f"{episode.name}: the held points lie amid the markers and tell no direction")
+    along = (far - near) / span
+    up = np.array([0.0, 0.0, 1.0]) if abs(along[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
+    level = np.cross(up, along)
+    level /= np.linalg.norm(level)
+    return np.stack([along, level, np.cross(along, level)]), near, span
+
+
+def _bar(tracks: np.ndarray, frame: np.ndarray, near: np.ndarray, span: float) -> Template:
+    """A bar that is as long as the markers reach and as thick as they lie around its axis."""
+    around = (tracks - near) @ frame.T
+    thickness = max(2.0 * float(np.linalg.norm(around[:, 1:], axis=1).mean()), 0.05 * span)
+    return box_template(span, min(thickness, 0.5 * span), min(thickness, 0.5 * span))
+
+
+def _layer_places(cells: Lattice) -> np.ndarray:
+    """[L] metres along x of each layer; infinitely far where a mesh has none."""
+    places = np.full(cells.layers.max() + 1, np.inf)
+    places[cells.layers] = cells.nodes[:, 0]
+    return places
+
+
+def _graph(nodes: np.ndarray, cells: Lattice, tracks: np.ndarray) -> SpringGraph:
+    """The cells and a node at each marker, which hangs on the cells around it."""
+    count = min(ANCHORS, len(nodes))
+    anchors = cKDTree(nodes).query(tracks, k=count)[1].reshape(len(tracks), count)
+    hung = np.stack([anchors.ravel(), np.repeat(len(nodes) + np.arange(len(tracks)), count)], axis=1)
+    springs = np.concatenate([cells.springs, hung])
+    positions = np.concatenate([nodes, tracks])
+    lengths = np.linalg.norm(positions[springs[:, 0]] - positions[springs[:, 1]], axis=1)
+    return SpringGraph(
+        positions=positions.astype(np.float32),
+        springs=springs.astype(np.int32),
+        kinds=np.full(len(springs), SpringKind.STRUCTURAL, np.uint8),
+        rest_lengths=np.maximum(lengths, 1e-6).astype(np.float32),
+        surface=np.ones(len(positions), bool),
+    )
+
+
+def _bent(model: ObjectModel, placed: np.ndarray, clamped: np.ndarray, tracks: np.ndarray) -> np.ndarray:
+    """[N, 3] metres: the nodes at rest, with their markers moved to `tracks` [P, 3] and the unclamped ones following.
+
+    Springs to a clamp are at rest where a rollout begins; so clamped nodes are nodes, and not bent.
+    """
+    markers = len(tracks)
+    fixed = cKDTree(clamped).query(placed)[0] < 1e-5
+    fixed[-markers:] = True
+    displacement = np.zeros_like(placed)
+    displacement[-markers:] = tracks - placed[-markers:]
+    return equilibrium(
+        placed,
+        model.graph.springs.astype(int),
+        model.stiffness.astype(np.float64),
+        fixed=fixed,
+        displacement=displacement,
+        forces=np.zeros_like(placed),
+    )
+
+
+def _carried(episode: Episode, clamped: np.ndarray) -> np.ndarray:
+    """[T, G, 3] metres: clamped points [G, 3] of frame 0, moved by the held points of the nearest clamp."""
+    held = episode.controllers.astype(np.float64)
+    groups = clamp_groups(held[0])
+    centres = np.array([held[0, members].mean(axis=0) for members in groups])
+    owner = cKDTree(centres).query(clamped)[1]
+    carried = np.repeat(clamped[None], len(held), axis=0)
+    for clamp, members in enumerate(groups):
+        track, mine = held[:, members], owner == clamp
+        if not mine.any() or np.linalg.norm(track - track[0], axis=2).max() < CLAMP_STILL:
+            continue
+        for frame, now in enumerate(track):
+            if len(members) > 2:
+                turn, shift = rigid_fit(track[0], now)
+                carried[frame, mine] = clamped[mine] @ turn.T + shift
+            else:
+                carried[frame, mine] += (now - track[0]).mean(axis=0)
+    return carried
+
+
+def _payload(nodes: np.ndarray, markers: int, clamped: np.ndarray, mass: float) -> np.ndarray:
+    """[N] kg: a mass in equal parts at the end face of the lattice [N, 3] that is farthest from the clamp [G, 3]."""
+    cells = nodes[:-markers]
+    middle = clamped.mean(axis=0)
+    along = cells.mean(axis=0) - middle
+    reach = (cells - middle) @ along / np.linalg.norm(along)
+    end = np.flatnonzero(reach > reach.max() - 0.2 * np.ptp(reach) / np.cbrt(len(cells)))
+    payload = np.zeros(len(nodes))
+    payload[end] = mass / len(end)
+    return payload

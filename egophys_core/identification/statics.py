@@ -1,0 +1,78 @@
+"""Static deformations of a spring graph."""
+
+import numpy as np
+from scipy.sparse import coo_matrix, csc_matrix, identity
+from scipy.sparse.linalg import splu
+
+REGULAR = 1e-9
+"""Share of the largest stiffness added to the diagonal: what no spring holds stays where it is."""
+
+INCREMENTS = 6
+"""Parts in which a deformation is applied; springs turn with it from one to the next."""
+
+CORRECTIONS = 3
+"""Gauss-Newton steps after each part."""
+
+
+def stiffness_matrix(positions: np.ndarray, springs: np.ndarray, stiffness: np.ndarray) -> csc_matrix:
+    """[3N, 3N] N/m: the forces that hold small displacements of springs [E, 2] with stiffness [E], N/m.
+
+    A spring along the unit vector d resists with k d d^T, each block positive on its ends and negative between them.
+    """
+    along = _directions(positions, springs)[0]
+    blocks = stiffness[:, None, None] * along[:, :, None] * along[:, None, :]
+    axis, other = np.meshgrid(np.arange(3), np.arange(3), indexing="ij")
+    rows, columns, values = [], [], []
+    for one, two, sign in ((0, 0, 1.0), (1, 1, 1.0), (0, 1, -1.0), (1, 0, -1.0)):
+        rows.append((3 * springs[:, one, None, None] + axis).ravel())
+        columns.append((3 * springs[:, two, None, None] + other).ravel())
+        values.append((sign * blocks).ravel())
+    size = 3 * len(positions)
+    entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    return coo_matrix(entries, shape=(size, size)).tocsc()
+
+
+def equilibrium(
+    positions: np.ndarray,
+    springs: np.ndarray,
+    stiffness: np.ndarray,
+    *,
+    fixed: np.ndarray,
+    displacement: np.ndarray,
+    forces: np.ndarray,
+) -> np.ndarray:
+    """[N, 3] metres: where nodes at rest [N, 3] go when some are displaced and forces act on the others.
+
+    Args:
+        springs: [E, 2], at rest at `positions`.
+        stiffness: [E] N/m.
+        fixed: [N] bool, nodes put where `displacement` [N, 3] metres says.
+        forces: [N, 3] N.
+    """
+    free = np.repeat(~fixed, 3)
+    rest_lengths = _directions(positions, springs)[1]
+    here = positions.astype(np.float64).copy()
+    for share in np.arange(1, INCREMENTS + 1) / INCREMENTS:
+        goal = positions + share * displacement
+        for _ in range(CORRECTIONS):
+            step = np.where(fixed[:, None], goal - here, 0.0)
+            along, lengths = _directions(here, springs)
+            pull = (stiffness * (lengths - rest_lengths))[:, None] * along
+            acting = share * forces
+            np.add.at(acting, springs[:, 0], pull)
+            np.add.at(acting, springs[:, 1], -pull)
+            matrix = stiffness_matrix(here, springs, stiffness)
+            inner = matrix[free][:, free]
+            inner = inner + REGULAR * inner.diagonal().max() * identity(inner.shape[0], format="csc")
+            asked = acting.ravel()[free] - matrix[free][:, ~free] @ step.ravel()[~free]
+            moved = step.ravel()
+            moved[free] = splu(inner.tocsc()).solve(asked)
+            here = here + moved.reshape(-1, 3)
+    return here
+
+
+def _directions(positions: np.ndarray, springs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors [E, 3] from the first to the second end, and lengths [E] in metres."""
+    along = positions[springs[:, 1]].astype(np.float64) - positions[springs[:, 0]]
+    lengths = np.linalg.norm(along, axis=1)
+    return along / lengths[:, None], lengths

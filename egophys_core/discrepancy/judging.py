@@ -98,7 +98,7 @@ def judge(
             ]
         ),
         parameters=_estimates(problem, fitted, own, bootstraps=bootstraps, seed=seed),
-        episodes_agree=_agree(problem, len(before.knobs), bootstraps=bootstraps, seed=seed),
+        episodes_agree=_agree(problem, len(before.knobs), own, bootstraps=bootstraps, seed=seed),
     )
 
 
@@ -158,15 +158,19 @@ def _estimates(
     return found
 
 
-def _agree(problem: LinearProblem, first: int, *, bootstraps: int, seed: int) -> bool:
-    """Whether each episode alone asks for the same parameters of the effect, columns from `first` on."""
+def _agree(problem: LinearProblem, first: int, own: Sequence[Knob], *, bootstraps: int, seed: int) -> bool:
+    """Whether each episode alone asks for the same size of the effect, whose knobs are the columns from `first` on.
+
+    Where and when an effect acts may show in one motion only.
+    """
     episodes = np.unique(problem.episode)
     if len(episodes) < 2:
         return False
-    spread = resampled_steps(problem, resamples=bootstraps, seed=seed).std(axis=0)[first:]
+    sizes = [first + index for index, knob in enumerate(own) if knob.parameter.null is not None]
+    spread = resampled_steps(problem, resamples=bootstraps, seed=seed).std(axis=0)[sizes]
     alone = []
     for episode in episodes:
         rows = problem.episode == episode
-        alone.append(fit(problem.residual[rows], free_columns(problem.base[rows]), problem.scale)[first:])
+        alone.append(fit(problem.residual[rows], free_columns(problem.base[rows]), problem.scale)[sizes])
     # An episode has a share of the data, so its own error is larger by the root of their number.
     return bool((np.ptp(alone, axis=0) <= AGREEMENT * np.sqrt(2 * len(episodes)) * spread + 1e-9).all())

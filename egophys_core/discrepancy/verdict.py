@@ -33,6 +33,20 @@ STRUCTURE_GAIN = 60.0
 """Held-out gain of a generic law, or of an effect that is not accepted, from which a residual is called structured."""
 
 
+OF_THE_SURROUNDINGS = (
+    "quadratic_drag",
+    "constant_body_force",
+    "gravity_scale",
+    "gravity_tilt",
+    "point_attraction",
+    "control_delay",
+    "tracking_scale",
+    "tracking_rotation",
+)
+"""Effects that are the same in every motion: episodes that ask for different sizes refute them. A lump's place and size
+make up for each other, and a grip slips as it was taken."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
     """An outcome and what it rests on."""
@@ -54,6 +68,7 @@ def acceptable(judged: Judged, p_null: float) -> bool:
         and (len(lost) == 0 or lost.sum() > 0.0)
         and differs_from_null(judged)
         and not at_bound(judged)
+        and (judged.episodes_agree or len(lost) == 0 or judged.name not in OF_THE_SURROUNDINGS)
     )
 
 

@@ -70,6 +70,7 @@ def test_little_gain_is_no_effect():
         {"parameters": {"coefficient": Estimate(value=60.0, unit="1/m", ci95=(50.0, 70.0))}},
         {"parameters": {"coefficient": Estimate(value=0.1, unit="1/m", ci95=(-0.1, 0.3))}},
         {"fitted_gain": 0.0},
+        {"episodes_agree": False},
     ],
 )
 def test_an_effect_with_a_flaw_is_not_named(flaw):

@@ -7,6 +7,8 @@ gains no more than that is no evidence (docs/notes/discrepancy.md). A true effec
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from egophys_core.discrepancy.diagnosis import Outcome
 from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.judging import Judged
@@ -47,6 +49,10 @@ OF_THE_SURROUNDINGS = (
 make up for each other, and a grip slips as it was taken."""
 
 
+OFFSETS = ("tracking_offset", "gripper_offset")
+"""Effects that say where the hand was, against where it was recorded."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
     """An outcome and what it rests on."""
@@ -68,6 +74,7 @@ def acceptable(judged: Judged, p_null: float) -> bool:
         and (len(lost) == 0 or lost.sum() > 0.0)
         and differs_from_null(judged)
         and not at_bound(judged)
+        and beyond_the_graph(judged)
         and (judged.episodes_agree or len(lost) == 0 or judged.name not in OF_THE_SURROUNDINGS)
     )
 
@@ -84,6 +91,14 @@ def differs_from_null(judged: Judged) -> bool:
     sizes = [each for each in effect_named(judged.name).parameters if each.null is not None]
     intervals = [(judged.parameters[each.name].ci95, each.null) for each in sizes]
     return any(null < low or null > high for (low, high), null in intervals if null is not None)
+
+
+def beyond_the_graph(judged: Judged) -> bool:
+    """Whether an offset of the hand is longer than a spring: a shorter one only changes which nodes are held."""
+    if judged.name not in OFFSETS:
+        return True
+    offset = [judged.parameters[axis].value for axis in ("x", "y", "z")]
+    return bool(np.linalg.norm(offset) > np.median(judged.fitted.model.graph.rest_lengths))
 
 
 def at_bound(judged: Judged) -> bool:

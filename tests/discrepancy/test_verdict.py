@@ -9,6 +9,7 @@ import pytest
 from egophys_core.discrepancy.diagnosis import Estimate, Outcome
 from egophys_core.discrepancy.judging import Judged
 from egophys_core.discrepancy.verdict import CROWDED_GAIN, LEAST_GAIN, SECOND_GAIN, STRUCTURE_GAIN, decide
+from tests.simulation.scenes import sheet_model
 
 
 def judged(name: str, gain: float, **changes) -> Judged:
@@ -77,6 +78,15 @@ def test_an_effect_with_a_flaw_is_not_named(flaw):
     verdict = decide([replace(judged("quadratic_drag", CLEAR), **flaw)], P, 0.0, 2)
     assert verdict.outcome in (Outcome.NONE, Outcome.UNEXPLAINED)
     assert not verdict.judged
+
+
+@pytest.mark.parametrize(("offset", "outcome"), [(0.002, Outcome.UNEXPLAINED), (0.09, Outcome.NAMED)])
+def test_an_offset_shorter_than_a_spring_is_the_graphs(offset, outcome):
+    place = {axis: Estimate(value=0.0, unit="m", ci95=(-0.01, 0.01)) for axis in "yz"}
+    place["x"] = Estimate(value=offset, unit="m", ci95=(0.5 * offset, 1.5 * offset))
+    found = replace(judged("quadratic_drag", CLEAR), name="gripper_offset", parameters=place)
+    found = replace(found, fitted=SimpleNamespace(model=sheet_model()))
+    assert decide([found], {"gripper_offset": 0.01}, 0.0, 2).outcome == outcome
 
 
 def test_shams_that_gain_as_much_forbid_a_name():

@@ -46,7 +46,9 @@ def renew_tables() -> None:
         ("planted", "planted", _planted_table),
         ("diagnoses", "diagnoses", _diagnoses_table),
     ):
-        text = table(json.loads((RESULTS / f"{result}.json").read_text()))
+        path = RESULTS / f"{result}.json"
+        measured = path.exists()
+        text = table(json.loads(path.read_text())) if measured else f"Not measured yet: `make bench` ({result})."
         before, begin, rest = readme.partition(f"<!-- benchmark {name} -->\n")
         if not begin:
             raise ValueError(f"README.md has no line <!-- benchmark {name} --> to put the table below")

@@ -149,7 +149,17 @@ def decide(
             experiment=None,
         )
     best_one = good[0]
-    rivals = [each for each in good[1:] if each.gain >= RIVAL * best_one.gain]
+    near = [each for each in ordered if each is not best_one and each.gain >= RIVAL * best_one.gain]
+    rivals = [each for each in near if any(each is other for other in good)]
+    if near and not rivals:
+        refuted = ", ".join(each.name for each in near)
+        return Verdict(
+            outcome=Outcome.UNEXPLAINED,
+            judged=(),
+            reason=f"{best_one.name} gains {best_one.gain:.0f}, but {refuted} gains about as much and is refuted: what "
+            "they share is no evidence for either",
+            experiment=experiment(best_one.name, episodes < 2),
+        )
     if rivals or episodes < 2:
         names = ", ".join(each.name for each in (best_one, *rivals))
         why = (

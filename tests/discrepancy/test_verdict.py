@@ -100,6 +100,13 @@ def test_two_that_gain_alike_are_ambiguous_with_an_experiment():
     assert "swing" in verdict.experiment
 
 
+def test_what_a_refuted_effect_explains_as_well_is_no_evidence():
+    refuted = judged("control_delay", 1.1 * CLEAR, episodes_agree=False)
+    verdict = decide([judged("quadratic_drag", CLEAR), refuted], P, 0.0, 2)
+    assert (verdict.outcome, verdict.judged) == (Outcome.UNEXPLAINED, ())
+    assert "control_delay" in verdict.reason
+
+
 def test_one_episode_names_nothing_and_says_what_to_record():
     verdict = decide([judged("quadratic_drag", CLEAR)], P, 0.0, 1)
     assert verdict.outcome == Outcome.AMBIGUOUS

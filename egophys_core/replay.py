@@ -268,9 +268,4 @@ def _result_of_build(log: _Log, twin_node: str, build: Mapping[str, Any]) -> Twi
     if not any(job.state == JOB_SUCCEEDED and bytes(job.job_id.uuid).hex() == build["job_id"] for job in jobs):
         return None
     twins = (_twin(log, record) for record in reversed(log.records(f"{twin_node}/model")))
-    return next((twin for twin in twins if _is_of_build(twin, build)), None)
-
-
-def _is_of_build(twin: Twin, build: Mapping[str, Any]) -> bool:
-    made = twin.provenance
-    return (made.parent_id, made.seed, made.settings) == (build["parent_id"], build["seed"], build["options"])
+    return next((twin for twin in twins if twin.provenance.parent_id == build["parent_id"]), None)

@@ -24,7 +24,7 @@ from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.ranking import Ranked, Ranking, probe_effects, rank
 from egophys_core.discrepancy.refit import Fitted, refit
 from egophys_core.discrepancy.residuals import Observation, observe, track_offsets
-from egophys_core.discrepancy.verdict import LEAST_GAIN, Verdict, decide
+from egophys_core.discrepancy.verdict import LARGEST_P, LEAST_GAIN, Verdict, decide
 from egophys_core.discrepancy.where import where
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
@@ -239,7 +239,8 @@ def _search(
         )
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}
     second = bool(before.model.effects)
-    verdict = decide(judged, p_null, law.held_out_gain, len(observations), second=second)
+    law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0
+    verdict = decide(judged, p_null, law_gain, len(observations), second=second)
     return _Round(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)
 
 

@@ -25,6 +25,9 @@ from egophys_core.twin import ObjectModel
 SHARES = (0.25, 0.5, 1.0, 1.5)
 """Of the way to the linear optimum at which a refit may start; it lies short of or beyond the true one."""
 
+ALIKE = 0.2
+"""Share of an effect's size by which episodes may differ however small the errors: a twin is not that exact."""
+
 AGREEMENT = 2.5
 """Standard errors by which episodes may differ and still agree."""
 
@@ -98,7 +101,7 @@ def judge(
             ]
         ),
         parameters=_estimates(problem, fitted, own, bootstraps=bootstraps, seed=seed),
-        episodes_agree=_agree(problem, len(before.knobs), own, bootstraps=bootstraps, seed=seed),
+        episodes_agree=_agree(problem, fitted.model, len(before.knobs), own, bootstraps=bootstraps, seed=seed),
     )
 
 
@@ -158,7 +161,9 @@ def _estimates(
     return found
 
 
-def _agree(problem: LinearProblem, first: int, own: Sequence[Knob], *, bootstraps: int, seed: int) -> bool:
+def _agree(
+    problem: LinearProblem, model: ObjectModel, first: int, own: Sequence[Knob], *, bootstraps: int, seed: int
+) -> bool:
     """Whether each episode alone asks for the same size of the effect, whose knobs are the columns from `first` on.
 
     Where and when an effect acts may show in one motion only.
@@ -167,10 +172,15 @@ def _agree(problem: LinearProblem, first: int, own: Sequence[Knob], *, bootstrap
     if len(episodes) < 2:
         return False
     sizes = [first + index for index, knob in enumerate(own) if knob.parameter.null is not None]
+    found = [
+        knob.position(model) - knob.position_of(knob.parameter.null) for knob in own if knob.parameter.null is not None
+    ]
     spread = resampled_steps(problem, resamples=bootstraps, seed=seed).std(axis=0)[sizes]
     alone = []
     for episode in episodes:
         rows = problem.episode == episode
         alone.append(fit(problem.residual[rows], free_columns(problem.base[rows]), problem.scale)[sizes])
     # An episode has a share of the data, so its own error is larger by the root of their number.
-    return bool((np.ptp(alone, axis=0) <= AGREEMENT * np.sqrt(2 * len(episodes)) * spread + 1e-9).all())
+    apart = np.ptp(alone, axis=0)
+    alike = (apart <= AGREEMENT * np.sqrt(2 * len(episodes)) * spread + 1e-9).all()
+    return bool(alike or np.linalg.norm(apart) <= ALIKE * np.linalg.norm(found))

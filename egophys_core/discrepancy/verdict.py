@@ -121,7 +121,7 @@ def decide(
     Args:
         second: whether they would be named beside another effect.
         p_null: per effect the share of shams that gain as much.
-        law_gain: held-out gain of the best generic law.
+        law_gain: held-out gain of the best generic law, 0 if shams gain as much.
         episodes: how many were fitted; one cannot show that an effect is the object's and not the motion's.
     """
     ordered = sorted(judged, key=lambda each: -each.gain)
@@ -132,7 +132,8 @@ def decide(
         if acceptable(each, p_null[each.name]) and each.gain >= max(least, needed(each, ordered))
     ]
     if not good:
-        best = max([law_gain, *(each.gain for each in ordered)], default=law_gain)
+        # What shams gain as well is no structure.
+        best = max([law_gain, *(each.gain for each in ordered if p_null[each.name] <= LARGEST_P)])
         if best >= STRUCTURE_GAIN:
             return Verdict(
                 outcome=Outcome.UNEXPLAINED,

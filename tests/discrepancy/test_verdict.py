@@ -90,7 +90,8 @@ def test_an_offset_shorter_than_a_spring_is_the_graphs(offset, outcome):
 
 
 def test_shams_that_gain_as_much_forbid_a_name():
-    assert not decide([judged("quadratic_drag", CLEAR)], {"quadratic_drag": 0.3}, 0.0, 2).judged
+    """And they are no structure either."""
+    assert decide([judged("quadratic_drag", CLEAR)], {"quadratic_drag": 0.3}, 0.0, 2).outcome == Outcome.NONE
 
 
 def test_two_that_gain_alike_are_ambiguous_with_an_experiment():

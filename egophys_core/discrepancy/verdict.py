@@ -49,6 +49,9 @@ OF_THE_SURROUNDINGS = (
 make up for each other, and a grip slips as it was taken."""
 
 
+SPECIAL_CASES = {"constant_body_force": ("gravity_tilt", "gravity_scale")}
+"""Effects that another one contains: that the special case is refuted says nothing against the general one."""
+
 OFFSETS = ("tracking_offset", "gripper_offset")
 """Effects that say where the hand was, against where it was recorded."""
 
@@ -152,6 +155,7 @@ def decide(
     best_one = good[0]
     near = [each for each in ordered if each is not best_one and each.gain >= RIVAL * best_one.gain]
     rivals = [each for each in near if any(each is other for other in good)]
+    near = [each for each in near if each.name not in SPECIAL_CASES.get(best_one.name, ())]
     if near and not rivals:
         refuted = ", ".join(each.name for each in near)
         return Verdict(

@@ -108,6 +108,15 @@ def test_what_a_refuted_effect_explains_as_well_is_no_evidence():
     assert "control_delay" in verdict.reason
 
 
+def test_a_refuted_special_case_does_not_refute_the_general_one():
+    force = {axis: Estimate(value=1.0, unit="m/s^2", ci95=(0.5, 1.5)) for axis in "xyz"}
+    tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
+    general = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force)
+    special = replace(general, name="gravity_tilt", parameters=tilt, episodes_agree=False)
+    verdict = decide([general, special], {"constant_body_force": 0.01, "gravity_tilt": 0.01}, 0.0, 2)
+    assert [each.name for each in verdict.judged] == ["constant_body_force"]
+
+
 def test_one_episode_names_nothing_and_says_what_to_record():
     verdict = decide([judged("quadratic_drag", CLEAR)], P, 0.0, 1)
     assert verdict.outcome == Outcome.AMBIGUOUS

@@ -87,6 +87,7 @@ def judge(
     alone = left_out_losses(problem, free_columns(problem.base[:, len(before.knobs) :]), problem.episode)
     by_episode = _by_block(without, losses(without.residual, without.scale)) - _by_block(problem, alone)
     count = len(observations)
+    resampled = resampled_steps(problem, resamples=bootstraps, seed=seed)
     return Judged(
         name=name,
         fitted=fitted,
@@ -100,8 +101,8 @@ def judge(
                 for index in range(count)
             ]
         ),
-        parameters=_estimates(problem, fitted, own, bootstraps=bootstraps, seed=seed),
-        episodes_agree=_agree(problem, fitted.model, len(before.knobs), own, bootstraps=bootstraps, seed=seed),
+        parameters=_estimates(fitted, own, resampled),
+        episodes_agree=_agree(problem, fitted.model, own, resampled),
     )
 
 
@@ -140,13 +141,10 @@ def _interval_of_sum(values: np.ndarray, resamples: int, seed: int) -> tuple[flo
     return float(low), float(high)
 
 
-def _estimates(
-    problem: LinearProblem, fitted: Fitted, own: Sequence[Knob], *, bootstraps: int, seed: int
-) -> dict[str, Estimate]:
-    """The effect's parameters with intervals from resampled blocks."""
-    resampled = resampled_steps(problem, resamples=bootstraps, seed=seed)
+def _estimates(fitted: Fitted, own: Sequence[Knob], resampled: np.ndarray) -> dict[str, Estimate]:
+    """The effect's parameters, with intervals from the steps of all knobs on resampled blocks [R, D], its own last."""
     found = {}
-    for column, knob in enumerate(own, start=problem.base.shape[1] - len(own)):
+    for column, knob in enumerate(own, start=resampled.shape[1] - len(own)):
         parameter = knob.parameter
         at = knob.position(fitted.model)
         # The optimum is where the refit ended; resamples say how far it would have gone.
@@ -161,21 +159,20 @@ def _estimates(
     return found
 
 
-def _agree(
-    problem: LinearProblem, model: ObjectModel, first: int, own: Sequence[Knob], *, bootstraps: int, seed: int
-) -> bool:
-    """Whether each episode alone asks for the same size of the effect, whose knobs are the columns from `first` on.
+def _agree(problem: LinearProblem, model: ObjectModel, own: Sequence[Knob], resampled: np.ndarray) -> bool:
+    """Whether each episode alone asks for the same size of the effect, whose knobs are the last columns.
 
     Where and when an effect acts may show in one motion only.
     """
     episodes = np.unique(problem.episode)
     if len(episodes) < 2:
         return False
+    first = resampled.shape[1] - len(own)
     sizes = [first + index for index, knob in enumerate(own) if knob.parameter.null is not None]
     found = [
         knob.position(model) - knob.position_of(knob.parameter.null) for knob in own if knob.parameter.null is not None
     ]
-    spread = resampled_steps(problem, resamples=bootstraps, seed=seed).std(axis=0)[sizes]
+    spread = resampled.std(axis=0)[sizes]
     alone = []
     for episode in episodes:
         rows = problem.episode == episode

@@ -1,16 +1,24 @@
 """The object at rest: nodes, kind, filling; and where another episode has it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, Delaunay
 
+from egophys_core.discrepancy.effects.rotations import rotation
 from egophys_core.errors import EpisodeError
 from egophys_core.identification import find_hands
 from egophys_core.identification.registration import place, placed
 from egophys_core.identification.rest_shape import farthest_points, observed_at_rest, rest_shape
+from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectKind
-from tests.identification.synthetic import episode_of, sheet_episode, sheet_shape, without
-from tests.simulation.scenes import sheet_positions
+from tests.identification.synthetic import episode_of, known_model, sheet_episode, sheet_shape, without
+from tests.simulation.scenes import frame_times, idle_controls, sheet_positions
+
+LEVEL, ROLLED = np.eye(3), rotation(np.array([0.25, 0.0, 0.0]))
+SEEN_THROUGH = 0.03
+"""Metres of an object in the line of sight that hide a point; thinner rims are taken to be seen."""
 
 
 def dome(radius: float = 0.08, count: int = 120) -> np.ndarray:
@@ -98,6 +106,117 @@ def test_dome_is_a_solid_and_is_filled_inside():
     gaps = np.linalg.norm(inside[:, None] - points[None], axis=2).min(axis=1)
     assert gaps.min() > 0.5 * shape.spacing
     assert inside[:, 2].min() >= 0
+
+
+ABOVE, LOW = np.array([-0.35, -0.35, 0.6]), np.array([0.0, -0.7, 0.4])
+"""Metres: where the camera is."""
+
+
+def seen_of_ellipsoid(
+    turn: np.ndarray, *, camera: np.ndarray = ABOVE, seat: float = 1.0, count: int = 400
+) -> tuple[np.ndarray, np.ndarray]:
+    """An ellipsoid on the table as a camera sees it.
+
+    Args:
+        turn: [3, 3] how it lies.
+        camera: [3] metres, where it is seen from.
+        seat: height of its middle over that of an ellipsoid that stands on a point; what is below is cut off flat.
+
+    Returns:
+        [P, 3] metres, the points seen of `count` all over it, and [3] metres, its centre.
+    """
+    axes = np.array([0.06, 0.045, 0.055])
+    index = np.arange(count) + 0.5
+    height, angle = 1 - 2 * index / count, np.pi * (1 + 5**0.5) * index
+    flat = np.sqrt(1 - height**2)
+    unit = np.stack([flat * np.cos(angle), flat * np.sin(angle), height], axis=1)
+    centre = np.array([0.0, 0.0, np.linalg.norm(turn[2] * axes)])
+    points = unit * axes @ turn.T + centre
+    sight = camera - points
+    sight = sight / np.linalg.norm(sight, axis=1, keepdims=True) @ turn / axes
+    # Where the line from a point u of the unit ball along s leaves it: |u + t s| = 1.
+    through = -2 * (unit * sight).sum(axis=1) / (sight**2).sum(axis=1)
+    cut = (1 - seat) * centre[2] * np.array([0, 0, 1])
+    return np.maximum(points - cut, [-1, -1, 0])[through < SEEN_THROUGH], centre - cut
+
+
+def outside_of(seen: np.ndarray, spacing: float, points: np.ndarray) -> np.ndarray:
+    """[K] metres by which points [K, 3] are outside of the convex hull of what is seen and of its foot."""
+    low = seen[:, 2].min()
+    foot = seen[seen[:, 2] < low + spacing] * [1, 1, 0] + [0, 0, low]
+    planes = ConvexHull(np.concatenate([seen, foot])).equations
+    return np.asarray((points @ planes[:, :3].T + planes[:, 3]).max(axis=1))
+
+
+@pytest.mark.parametrize("turn", [LEVEL, ROLLED], ids=["level", "rolled"])
+def test_half_seen_ellipsoid_gets_its_back(turn):
+    seen, centre = seen_of_ellipsoid(turn)
+    shape = shape_of(at_rest(seen))
+    away = shape.positions.astype(np.float64).mean(axis=0) - centre
+    # The middle of what is seen alone, filled, is a centimetre nearer to the camera and higher.
+    alone = Delaunay(seen)
+    sample = np.random.default_rng(0).uniform(seen.min(axis=0), seen.max(axis=0), (4000, 3))
+    filled = sample[alone.find_simplex(sample) >= 0].mean(axis=0)
+    assert np.linalg.norm((filled - centre)[:2]) > 0.008
+    assert np.linalg.norm(away[:2]) < 0.0025
+    assert np.linalg.norm(away) < 0.006
+
+
+@pytest.mark.parametrize("turn", [LEVEL, ROLLED], ids=["level", "rolled"])
+def test_an_ellipsoid_seen_from_low_gets_its_back(turn):
+    seen, centre = seen_of_ellipsoid(turn, camera=LOW, count=200)
+    away = shape_of(at_rest(seen)).positions.astype(np.float64).mean(axis=0) - centre
+    assert np.linalg.norm(away) < 0.006
+
+
+@pytest.mark.parametrize("turn", [LEVEL, ROLLED], ids=["level", "rolled"])
+def test_the_back_is_no_surface_and_lies_on_the_table_not_under_it(turn):
+    seen = seen_of_ellipsoid(turn, seat=0.7)[0]
+    shape = shape_of(at_rest(seen))
+    assert shape.surface.sum() == len(seen)
+    assert shape.positions[shape.surface] == pytest.approx(seen, abs=1e-6)
+    back = shape.positions[~shape.surface]
+    assert (outside_of(seen, shape.spacing, back) > shape.spacing).any()
+    assert back[:, 2].min() > -0.1 * shape.spacing
+    gaps = np.linalg.norm(back[:, None] - seen[None], axis=2).min(axis=1)
+    assert gaps.min() > 0.5 * shape.spacing
+
+
+@pytest.mark.parametrize("turn", [LEVEL, ROLLED], ids=["level", "rolled"])
+def test_half_seen_ellipsoid_rests_where_it_lies(turn):
+    """Its springs as many and stiff as a refit may make them: what moves it is only where its weight is."""
+    shape = shape_of(at_rest(seen_of_ellipsoid(turn, seat=0.7, count=200)[0]))
+    model = known_model(shape, stiffness_rate=1.0, damping_rate=1.0, object_radius=0.5, object_neighbours=1.0)
+    model = replace(model, stiffness=10.0 * model.stiffness)
+    result = rollout(batch_of_models([model], [idle_controls(frame_times(0.5, 1 / 30))], ground_height=0.0))
+    result.raise_on_failure()
+    assert np.linalg.norm(result.positions[0] - shape.positions, axis=2).max() < 2e-3
+
+
+def test_an_object_seen_all_around_gets_no_back():
+    heights = np.arange(120) + 0.5
+    radius, angle = 0.06 * np.sqrt(heights / 120), np.pi * (1 + 5**0.5) * heights
+    cone = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.1 * (1 - radius / 0.06)], axis=1)
+    for seen in (cone, dome()):
+        shape = shape_of(at_rest(seen))
+        assert outside_of(seen, shape.spacing, shape.positions).max() < shape.spacing
+
+
+def wedge() -> np.ndarray:
+    """[P, 3] metres: all of a wedge but its underside; neither symmetry is its own."""
+    corners = np.array(
+        [[-0.06, -0.04, 0], [0.06, -0.04, 0], [-0.06, 0.04, 0], [0.06, 0.04, 0], [-0.06, -0.04, 0.08]]
+        + [[0.06, -0.04, 0.08]]
+    )
+    faces = ((0, 1, 5), (0, 5, 4), (4, 5, 3), (4, 3, 2), (0, 4, 2), (1, 5, 3))
+    generator = np.random.default_rng(0)
+    points = np.concatenate([generator.dirichlet(np.ones(3), 300) @ corners[list(face)] for face in faces])
+    return points[farthest_points(points, 160)]
+
+
+def test_an_object_without_symmetry_gets_no_back():
+    shape = shape_of(at_rest(wedge()))
+    assert outside_of(wedge(), shape.spacing, shape.positions).max() < shape.spacing
 
 
 def test_user_says_what_kind_the_object_is():

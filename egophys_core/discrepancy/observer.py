@@ -12,6 +12,7 @@ import numpy as np
 
 from egophys_core.discrepancy.effects.effect import Load, Scene
 from egophys_core.discrepancy.observed import ObservedTracks
+from egophys_core.simulation import into_world
 
 RATE = 5.0
 """w, 1/s: what the twin lacks shows over the last fifth of a second or so (docs/notes/discrepancy.md)."""
@@ -23,14 +24,18 @@ DAMPING_RATIO = 0.7
 class Pull:
     """The action that draws the nodes of a twin towards observed tracks."""
 
-    def __init__(self, tracks: ObservedTracks, times: np.ndarray, *, rate: float = RATE) -> None:
+    def __init__(
+        self, tracks: ObservedTracks, times: np.ndarray, *, rate: float = RATE, frame: np.ndarray | None = None
+    ) -> None:
+        """Draw towards tracks seen at `times` [T], recorded in a `frame` [4, 4] of their own."""
         self.tracks, self.times, self.rate = tracks, times, rate
         weights = abs(tracks.weights)
         self.spread = weights.T.tocsr()
         """[N, P]: how much of a track's offset a node takes."""
         self.seen = np.isfinite(tracks.smooth).all(axis=2)
-        self.target = np.where(self.seen[..., None], tracks.smooth, 0.0)
-        self.speed = np.where(self.seen[..., None], tracks.velocities, 0.0)
+        frame = np.eye(4) if frame is None else frame
+        self.target = into_world(np.where(self.seen[..., None], tracks.smooth, 0.0), frame)
+        self.speed = np.where(self.seen[..., None], tracks.velocities, 0.0) @ frame[:3, :3]
 
     def __call__(self, scene: Scene, memory: Any) -> tuple[Load, Any]:
         """Accelerate the nodes towards the tracks of this frame."""

@@ -14,6 +14,7 @@ from egophys_core.twin import (
     bridge_components,
     connect,
     per_kind,
+    resting_height,
 )
 
 TOTAL_MASS = 0.1
@@ -115,7 +116,7 @@ def candidate(shape: RestShape, coordinates: np.ndarray, *, ground_height: float
         damping=value["damping_rate"] * node_mass,
         restitution=value["restitution"],
         friction=value["friction"],
-        contact_radius=max(0.0, float(shape.positions[:, 2].min()) - ground_height),
+        contact_radius=max(0.0, resting_height(shape.kind, shape.positions) - ground_height),
         controller_stiffness=stiffness,
         controller_radius=value["controller_radius"] * shape.spacing,
         controller_neighbours=round(value["controller_neighbours"]),

@@ -48,12 +48,18 @@ def _mistracked(points: np.ndarray, effects: Effects) -> np.ndarray:
     """Points [N, 3] in the frame of a tracker that is off as planted."""
     if "tracking_scale" in effects:
         points = effects["tracking_scale"]["scale"] * points
-    if "tracking_rotation" in effects:
-        turn = Rotation.from_rotvec([effects["tracking_rotation"][axis] for axis in ("rx", "ry", "rz")])
-        points = turn.apply(points)
+    points = in_tracking_frame(points, effects)
     if "tracking_offset" in effects:
         points = points + np.array([effects["tracking_offset"][axis] for axis in ("x", "y", "z")])
     return points
+
+
+def in_tracking_frame(points: np.ndarray, effects: Effects) -> np.ndarray:
+    """Points [N, 3], of the object or of hands, as a tracker whose frame is turned as planted records them."""
+    if "tracking_rotation" not in effects:
+        return points
+    turn = Rotation.from_rotvec([effects["tracking_rotation"][axis] for axis in ("rx", "ry", "rz")])
+    return np.asarray(turn.apply(points))
 
 
 def _covered(points: np.ndarray, covers: np.ndarray, radius: float) -> np.ndarray:

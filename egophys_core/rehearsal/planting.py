@@ -127,7 +127,7 @@ PLANTS: dict[str, Plant] = {
     "control_delay": _plant("the hands follow their record delay later", delay=("s", 0.05, 0.15)),
     "tracking_scale": _plant("object points p' = scale p", scale=("1", 0.96, 0.88)),
     "tracking_rotation": _plant(
-        "object points p' = R p, R of the rotation vector",
+        "points of object and hands p' = R p, R of the rotation vector",
         rx=("rad", 0.03, 0.08),
         ry=("rad", 0.02, 0.05),
         rz=("rad", 0.04, 0.1),

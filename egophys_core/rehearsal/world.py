@@ -8,7 +8,7 @@ from egophys_core.episode import Episode
 from egophys_core.rehearsal.bodies import make_body
 from egophys_core.rehearsal.handled_body import HandledBody
 from egophys_core.rehearsal.hands import CONTACT_BEGINS, hand_cloud, write_script
-from egophys_core.rehearsal.observation import CONFIDENCE, observe
+from egophys_core.rehearsal.observation import CONFIDENCE, in_tracking_frame, observe
 from egophys_core.rehearsal.options import Motion, RehearsalOptions
 
 NOTHING: Mapping[str, Mapping[str, float]] = {}
@@ -66,6 +66,6 @@ def rehearse(
         points=points[:, ever],
         confidence=np.where(seen[:, ever], CONFIDENCE, 0.0).astype(np.float32),
         point_ids=np.flatnonzero(ever).astype(np.uint32),
-        controllers=hands.astype(np.float32),
+        controllers=in_tracking_frame(hands.reshape(-1, 3), handled.effects).reshape(hands.shape).astype(np.float32),
         controller_ids=np.arange(hands.shape[1], dtype=np.uint32),
     )

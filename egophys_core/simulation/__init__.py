@@ -3,6 +3,7 @@
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.effects import ForceEffect
+from egophys_core.simulation.frames import into_world
 from egophys_core.simulation.loads import with_actions
 from egophys_core.simulation.model_batch import batch_of_models, spring_order
 from egophys_core.simulation.rollout import Rollout, rollout
@@ -14,6 +15,7 @@ __all__ = [
     "Rollout",
     "RolloutBatch",
     "batch_of_models",
+    "into_world",
     "rollout",
     "spring_order",
     "with_actions",

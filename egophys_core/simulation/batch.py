@@ -49,6 +49,9 @@ class RolloutBatch:
     actions: tuple[tuple[Action, ...], ...] = ()
     """K tuples of what decides on loads frame by frame (`loads.with_actions`), or none at all."""
 
+    frames: np.ndarray | None = None
+    """[K, 4, 4] frames in which results are given (`simulation.frames`); None where all are the world."""
+
     def __post_init__(self) -> None:
         count, springs = self.count, len(self.springs)
         nodes = self.positions.shape[1] if self.positions.ndim == 3 else -1
@@ -62,6 +65,7 @@ class RolloutBatch:
             ("positions", self.positions, (count, nodes, 3)),
             ("velocities", self.velocities, (count, nodes, 3)),
             ("rest_positions", self.rest_positions, (nodes, 3)),
+            *(() if self.frames is None else (("frames", self.frames, (count, 4, 4)),)),
         ):
             if array.shape != shape:
                 raise SimulationError(f"batch of {count} rollouts: {label} must be {shape}, got {array.shape}")
@@ -112,4 +116,5 @@ class RolloutBatch:
             controls=tuple(self.controls[row] for row in rows),
             effects=tuple(replace(effect, numbers=effect.numbers[rows]) for effect in self.effects),
             actions=tuple(self.actions[row] for row in rows) if self.actions else (),
+            frames=None if self.frames is None else self.frames[rows],
         )

@@ -74,7 +74,7 @@ def differentiate(
     """
     if windows < 1:
         raise SimulationError(f"windows must be at least 1, got {windows}")
-    if batch.actions:
+    if batch.actions or batch.frames is not None:
         raise SimulationError("rollouts with frame-by-frame effects have no derivatives; differentiate without effects")
     engine = Engine(batch, device)
     states: list[tuple[np.ndarray, np.ndarray]] = []

@@ -11,9 +11,10 @@ from egophys_core.discrepancy.effects.effect import Action, Body
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import Controls
+from egophys_core.simulation.frames import into_world
 from egophys_core.simulation.loads import with_actions
 from egophys_core.simulation.springs import UNLIMITED
-from egophys_core.twin import ObjectKind, ObjectModel, SpringKind
+from egophys_core.twin import ObjectKind, ObjectModel, SpringKind, resting_height
 
 
 def batch_of_models(
@@ -34,6 +35,14 @@ def batch_of_models(
         if len(model.graph.positions) != nodes or model.kind != first.kind:
             raise SimulationError("a batch needs models of one object: the same kind and number of nodes")
     positions = [model.graph.positions for model in models] if starts is None else list(starts)
+    frames = None
+    if any(effect_named(term.name).frame for model in models for term in model.effects):
+        frames = np.stack([_frame(model) for model in models])
+        positions = [into_world(start, frame) for start, frame in zip(positions, frames, strict=True)]
+        controls = [
+            replace(each, positions=into_world(each.positions.astype(np.float64), frame).astype(np.float32))
+            for each, frame in zip(controls, frames, strict=True)
+        ]
     bodies = [_body(model, start) for model, start in zip(models, positions, strict=True)]
     codes = [_codes(model) for model in models]
     # A pair can be a structural spring of one model and a bending spring of another: one entry serves both.
@@ -71,6 +80,7 @@ def batch_of_models(
         controls=tuple(_driven(model, each) for model, each in zip(models, controls, strict=True)),
         flat=first.kind == ObjectKind.SHEET,
         ground_height=ground_height,
+        frames=frames,
     )
     return with_actions(batch, tuple(_actions(model) for model in models))
 
@@ -92,6 +102,19 @@ def _body(model: ObjectModel, start: np.ndarray) -> Body:
         adapt = effect_named(term.name).adapt
         body = adapt(term.values, body) if adapt else body
     return body
+
+
+def _frame(model: ObjectModel) -> np.ndarray:
+    """[4, 4] the frame of a model's record, in which the object touches the table where it does in the world."""
+    turns = (effect_named(term.name).frame for term in model.effects)
+    turned = [turn(term.values) for turn, term in zip(turns, model.effects, strict=True) if turn]
+    frame = np.eye(4)
+    if turned:
+        frame[:3, :3] = turned[0]
+        rest = model.graph.positions.astype(np.float64)
+        rise = resting_height(model.kind, rest) - resting_height(model.kind, into_world(rest, frame))
+        frame[:3, 3] = -rise * frame[:3, 2]
+    return frame
 
 
 def _driven(model: ObjectModel, controls: Controls) -> Controls:

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -15,6 +15,7 @@ from egophys_core.errors import SimulationError
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.device_arrays import effect_terms
 from egophys_core.simulation.engine import Engine
+from egophys_core.simulation.frames import into_record, into_record_directions
 from egophys_core.simulation.lanes import LANES, group_count
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, stable_substeps
 from egophys_core.simulation.step import frame_kernel
@@ -27,7 +28,7 @@ class Rollout:
     times: np.ndarray
     """[F] float64, seconds."""
     positions: np.ndarray
-    """[K, F, N, 3] float32, metres, world; not finite from where a rollout diverged."""
+    """[K, F, N, 3] float32, metres, world, or the batch's frames; not finite from where a rollout diverged."""
     velocities: np.ndarray
     """[K, N, 3] float32, m/s, at the end."""
     substeps: np.ndarray
@@ -55,7 +56,7 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
         SimulationError: a rollout would need more than `MOST_SUBSTEPS` substeps a frame.
     """
     if not wp.get_device(device).is_cpu:
-        return _run(batch, longest_substep, device)
+        return _in_frames(_run(batch, longest_substep, device), batch.frames)
     # Loaded here, before threads ask for it at the same time.
     wp.load_module(frame_kernel(effect_terms(batch)).module, device=device)
     groups = group_count(batch.count)
@@ -68,12 +69,24 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
         results = list(pool.map(partial(_run, longest_substep=longest_substep, device=device), parts))
     back = np.argsort(order)
     failures = [failure for result in results for failure in result.failures]
-    return Rollout(
+    whole = Rollout(
         times=results[0].times,
         positions=np.concatenate([result.positions for result in results])[back],
         velocities=np.concatenate([result.velocities for result in results])[back],
         substeps=np.concatenate([result.substeps for result in results])[back],
         failures=tuple(failures[row] for row in back),
+    )
+    return _in_frames(whole, batch.frames)
+
+
+def _in_frames(result: Rollout, frames: np.ndarray | None) -> Rollout:
+    """The result, in the world so far, as each rollout's frame [K, 4, 4] records it."""
+    if frames is None:
+        return result
+    return replace(
+        result,
+        positions=into_record(result.positions, frames).astype(np.float32),
+        velocities=into_record_directions(result.velocities, frames).astype(np.float32),
     )
 
 

@@ -10,6 +10,9 @@ from egophys_core.errors import TwinError
 from egophys_core.twin.graph import SpringGraph, SpringKind
 from egophys_core.twin.parameters import PhysicalParameters
 
+FOOT_M = 0.0025
+"""Metres above a solid's lowest node up to which nodes are part of its foot."""
+
 
 class ObjectKind(StrEnum):
     """How an object resists deformation; decides the graph and the fitted parameters."""
@@ -50,6 +53,15 @@ class ObjectModel:
         """[N] float32, kg: the total mass in equal parts."""
         nodes = len(self.graph.positions)
         return np.full(nodes, self.parameters.total_mass / nodes, np.float32)
+
+
+def resting_height(kind: ObjectKind, positions: np.ndarray) -> float:
+    """z at which an object that lies on the table, nodes [N, 3], touches it: the mean of a sheet's nodes or of a
+    solid's foot; the lowest node of all would only be the one with the most noise."""
+    heights = positions[:, 2].astype(np.float64)
+    if kind == ObjectKind.SHEET:
+        return float(np.median(heights))
+    return float(heights[heights <= heights.min() + FOOT_M].mean())
 
 
 def per_kind(graph: SpringGraph, structural: float, bending_ratio: float) -> np.ndarray:

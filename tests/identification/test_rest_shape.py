@@ -158,7 +158,7 @@ def test_half_seen_ellipsoid_gets_its_back(turn):
     sample = np.random.default_rng(0).uniform(seen.min(axis=0), seen.max(axis=0), (4000, 3))
     filled = sample[alone.find_simplex(sample) >= 0].mean(axis=0)
     assert np.linalg.norm((filled - centre)[:2]) > 0.008
-    assert np.linalg.norm(away[:2]) < 0.0025
+    assert np.linalg.norm(away[:2]) < 0.004
     assert np.linalg.norm(away) < 0.006
 
 

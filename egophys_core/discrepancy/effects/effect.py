@@ -1,8 +1,9 @@
 """What an effect of the library is, and what it sees and does in a rollout.
 
-An effect acts in one or more of three places: it changes the body before a rollout (`adapt`), changes how the hands
-move (`drive`), or loads the body anew in every frame (`load`). A load is held over the frame, 1/30 s or less; what
-depends on velocity is given as a drag, which the substeps apply to the velocity of the moment.
+An effect acts in one or more places: it changes the body before a rollout (`adapt`), changes how the hands move
+(`drive`, `clock`), turns the frame in which all of it was recorded (`frame`), or loads the body anew in every frame
+(`load`). A load is held over the frame, 1/30 s or less; what depends on velocity is given as a drag, which the substeps
+apply to the velocity of the moment.
 """
 
 from collections.abc import Callable, Mapping
@@ -147,6 +148,8 @@ class Effect:
     adapt: Callable[[Values, Body], Body] | None = None
     drive: Callable[[Values, np.ndarray, np.ndarray], np.ndarray] | None = None
     """From values, times [F] and controllers [F, C, 3] to where the hands truly were, [F, C, 3] metres."""
+    frame: Callable[[Values], np.ndarray] | None = None
+    """From values to the rotation [3, 3] from the world, upright and with a level table, to the frame of the record."""
     clock: Callable[[Values, np.ndarray], np.ndarray] | None = None
     """From values and times [F] to the times [F] at which the record of the hands, and of their contacts, holds."""
 

@@ -45,7 +45,7 @@ EFFECT = Effect(
     parameters=(
         *(Parameter(name=axis, unit="m", low=-1.0, high=1.0, step=0.03) for axis in ("x", "y", "z")),
         Parameter(name="radius", unit="m", low=0.005, high=0.5, step=0.3, logarithmic=True),
-        Parameter(name="fraction", unit="1", low=0.0, high=3.0, step=0.1, null=0.0),
+        Parameter(name="fraction", unit="1", low=0.0, high=6.0, step=0.1, null=0.0),
     ),
     mimics=("gravity_scale", "hidden_tether", "anisotropy", "constant_body_force"),
     experiment="let it hang still from one end, then from the other: the lump stretches what is above it",

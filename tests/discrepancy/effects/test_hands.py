@@ -92,11 +92,14 @@ def test_scale_of_tracking_scales_the_way_since_the_hold():
     assert (shifts[:, 2] == 0).all()
 
 
-def test_rotation_of_tracking_turns_the_way_since_the_hold():
-    shifts = grip_shifts("tracking_rotation", {"x": 0.0, "y": 0.0, "z": np.pi / 6}, straight(), [True] * 20)
-    way = 20 * FRAME * np.array([0.3, 0.0, 0.6])
-    exact = way[0] * np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0]) + [0, 0, way[2]]
-    assert way + shifts[-1, 0] == pytest.approx(exact, abs=1e-12)
+@pytest.mark.parametrize(("values", "axis"), [((0.2, 0.0), (1, 0, 0)), ((0.0, 0.2), (0, 1, 0))])
+def test_a_tilted_tracking_frame_records_the_vertical_tilted(values, axis):
+    frame = LIBRARY["tracking_rotation"].frame({"about_x": values[0], "about_y": values[1]})
+    assert frame @ axis == pytest.approx(np.array(axis))
+    assert frame @ [0, 0, 1] == pytest.approx(
+        np.cos(0.2) * np.array([0, 0, 1]) + np.sin(0.2) * np.cross(axis, [0, 0, 1])
+    )
+    assert np.linalg.det(frame) == pytest.approx(1.0)
 
 
 def test_a_scaled_hand_lifts_a_scaled_way():

@@ -50,7 +50,7 @@ def test_an_effect_says_what_it_is_and_what_it_is_taken_for(name):
     assert "=" in effect.equation
     assert effect.source
     assert effect.experiment
-    assert effect.load or effect.adapt or effect.drive or effect.clock
+    assert effect.load or effect.adapt or effect.drive or effect.clock or effect.frame
     assert effect.mimics
     assert set(effect.mimics) <= set(LIBRARY) - {name}
 

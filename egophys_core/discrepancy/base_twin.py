@@ -17,6 +17,7 @@ from egophys_core.discrepancy.refit import Fitted, refit, residual_scale, robust
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.identification.rest_shape import RestShape
 from egophys_core.identification.search_space import build_graph
+from egophys_core.identification.statics import without_sag
 from egophys_core.twin import ObjectKind, ObjectModel, per_kind
 
 OBJECT_RADII = {ObjectKind.SHEET: (1.5, 2.0, 2.5), ObjectKind.SOLID: (2.0, 2.5, 3.0)}
@@ -30,19 +31,33 @@ GRASP_NEIGHBOURS = 60
 STIFFNESS_RATE = {ObjectKind.SHEET: 5e4, ObjectKind.SOLID: 2e5}
 """Of a structural spring over node mass at twice the spacing, 1/s^2: stiff, as cloth and toys are."""
 
+SOFTER = (1.0, 0.25)
+"""Times that stiffness at which a variant may begin."""
+
+FINALISTS, TRIAL_STEPS = 2, 3
+"""Variants that are refitted, and by how many steps, before the best of them is refitted to the end."""
+
 DAMPING_RATE = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 3.0}
 """1/s."""
 
 
 def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterations: int) -> Fitted:
-    """The best of the twin and its variants, refitted."""
-    models = [model, *variants(model)]
+    """The best of the twin and its variants, refitted; the first few tell only after some steps which it is."""
+    own = [model, without_sag(model)] if model.kind == ObjectKind.SOLID else [model]
+    models = [*own, *variants(model)]
     found = residuals(observations, models)
     scale = residual_scale([each[0] for each in found])
     losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
-    best = models[int(np.argmin(losses))]
-    scale = residual_scale([each[int(np.argmin(losses))] for each in found])
-    return refit(observations, best, base_knobs(best), iterations=iterations, scale=scale)
+    order = np.argsort(losses)
+    scale = residual_scale([each[order[0]] for each in found])
+    first = [
+        refit(observations, models[row], base_knobs(models[row]), iterations=TRIAL_STEPS, scale=scale)
+        for row in order[:FINALISTS]
+    ]
+    best = min(first, key=lambda each: each.loss)
+    return refit(
+        observations, best.model, best.knobs, iterations=iterations, scale=min(scale, residual_scale(best.residuals))
+    )
 
 
 def variants(model: ObjectModel) -> list[ObjectModel]:
@@ -53,9 +68,9 @@ def variants(model: ObjectModel) -> list[ObjectModel]:
     shape = RestShape(positions=graph.positions, surface=graph.surface, kind=model.kind, spacing=spacing)
     node_mass = parameters.total_mass / len(graph.positions)
     found = []
-    for radius, grasp in product(OBJECT_RADII[model.kind], GRASP_RADII):
+    for softer, radius, grasp in product(SOFTER, OBJECT_RADII[model.kind], GRASP_RADII):
         # Springs share the load: more of them, each softer.
-        stiffness = STIFFNESS_RATE[model.kind] * node_mass * (2.0 / radius) ** 2
+        stiffness = softer * STIFFNESS_RATE[model.kind] * node_mass * (2.0 / radius) ** 2
         plain = replace(
             parameters,
             stiffness=stiffness,
@@ -71,12 +86,8 @@ def variants(model: ObjectModel) -> list[ObjectModel]:
             collision_distance=0.6 * spacing if model.kind == ObjectKind.SHEET else 0.0,
         )
         other = build_graph(shape, radius=radius * spacing, max_neighbours=NEIGHBOURS)
-        found.append(
-            replace(
-                model,
-                graph=other,
-                parameters=plain,
-                stiffness=per_kind(other, plain.stiffness, plain.bending_ratio),
-            )
+        variant = replace(
+            model, graph=other, parameters=plain, stiffness=per_kind(other, plain.stiffness, plain.bending_ratio)
         )
+        found.append(without_sag(variant) if model.kind == ObjectKind.SOLID else variant)
     return found

@@ -13,6 +13,10 @@ STIFFEST = 1e6
 """1/s^2, largest spring stiffness over node mass: a held toy may not sag where the real one does not."""
 
 
+SHORTEST = 0.2
+"""Of its length as seen: the rest length that a spring has at least, however soft."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Knob:
     """One number of a model, turned in steps of about equal effect."""
@@ -109,15 +113,22 @@ def _number(name: str, low: float, high: float, *, step: float, unit: str = "1",
 
 
 def _springs_knob(name: str, kind: SpringKind, low: float, high: float) -> Knob:
-    """The median stiffness of one kind of springs; turning it scales them all."""
+    """The median stiffness of one kind of springs; turning it scales them all, and they carry what they carried."""
 
     def read(model: ObjectModel) -> float:
         of_kind = model.stiffness[model.graph.kinds == kind]
         return float(np.median(of_kind)) if len(of_kind) else 1.0
 
     def turn(model: ObjectModel, value: float) -> ObjectModel:
-        scale = np.where(model.graph.kinds == kind, value / read(model), 1.0)
-        return replace(model, stiffness=(model.stiffness * scale).astype(np.float32))
+        graph = model.graph
+        scale = np.where(graph.kinds == kind, value / read(model), 1.0)
+        seen = np.linalg.norm(np.diff(graph.positions[graph.springs].astype(np.float64), axis=1)[:, 0], axis=1)
+        rest_lengths = (seen + (graph.rest_lengths - seen) / scale).astype(np.float32)
+        return replace(
+            model,
+            graph=replace(graph, rest_lengths=np.maximum(rest_lengths, SHORTEST * seen.astype(np.float32))),
+            stiffness=(model.stiffness * scale).astype(np.float32),
+        )
 
     return Knob(
         parameter=Parameter(name=name, unit="N/m", low=low, high=high, step=0.3, logarithmic=True),

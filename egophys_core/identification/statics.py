@@ -1,11 +1,24 @@
 """Static deformations of a spring graph."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, identity
 from scipy.sparse.linalg import splu
 
+from egophys_core.twin import ObjectModel
+
 REGULAR = 1e-9
 """Share of the largest stiffness added to the diagonal: what no spring holds stays where it is."""
+
+FOOT = 0.3
+"""Of a spring's length: height above the lowest node up to which nodes stand on the table."""
+
+FEWEST_OF_FOOT = 4
+"""Nodes that an object stands on at least."""
+
+SHORTEST_TO_LONGEST = (0.5, 1.5)
+"""Of its length as seen: rest lengths that a spring may have."""
 
 INCREMENTS = 6
 """Parts in which a deformation is applied; springs turn with it from one to the next."""
@@ -30,6 +43,32 @@ def stiffness_matrix(positions: np.ndarray, springs: np.ndarray, stiffness: np.n
     size = 3 * len(positions)
     entries = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
     return coo_matrix(entries, shape=(size, size)).tocsc()
+
+
+def without_sag(model: ObjectModel) -> ObjectModel:
+    """The model with springs that carry its weight where it lies: it was seen under gravity, and would sag once more.
+
+    The elongations e of the linear problem K u = f, with f the weight and the foot held, are those that carry it; rest
+    lengths are what is seen less e (Hsu et al., "A general two-stage initialization for sag-free deformable
+    simulations", ACM Transactions on Graphics 41(4), 2022, for springs of given stiffness).
+    """
+    graph, positions = model.graph, model.graph.positions.astype(np.float64)
+    along, lengths = _directions(positions, graph.springs)
+    low = positions[:, 2] - positions[:, 2].min()
+    foot = low <= max(FOOT * float(np.median(lengths)), float(np.sort(low)[min(FEWEST_OF_FOOT, len(low)) - 1]))
+    free = np.ones((len(positions), 3), bool)
+    free[foot] = False
+    weight = np.zeros_like(positions)
+    weight[:, 2] = -model.parameters.gravity * model.node_masses
+    matrix = stiffness_matrix(positions, graph.springs, model.stiffness.astype(np.float64))
+    rows = np.flatnonzero(free.ravel())
+    held = matrix[rows][:, rows] + REGULAR * matrix.diagonal().max() * identity(len(rows), format="csc")
+    moved = np.zeros(positions.size)
+    moved[rows] = splu(held.tocsc()).solve(weight.ravel()[rows])
+    moved = moved.reshape(-1, 3)
+    elongation = ((moved[graph.springs[:, 1]] - moved[graph.springs[:, 0]]) * along).sum(axis=1)
+    rest_lengths = np.clip(lengths - elongation, *(np.array(SHORTEST_TO_LONGEST)[:, None] * lengths))
+    return replace(model, graph=replace(graph, rest_lengths=rest_lengths.astype(np.float32)))
 
 
 def equilibrium(

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from egophys_core.discrepancy.diagnose import diagnose
+from egophys_core.discrepancy.diagnose import Search, diagnose
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.episode import Episode
 from egophys_core.files import write_atomically
@@ -116,17 +116,41 @@ def measure(case: Case) -> dict[str, Any]:
     twin = build_twin(episodes, FIT, seed=0)
     started = time.monotonic()
     left_out = (case.without,) if case.without else ()
-    diagnosis = diagnose(twin, episodes, DIAGNOSIS, without=left_out).diagnosis
+    finding = diagnose(twin, episodes, DIAGNOSIS, without=left_out)
+    diagnosis = finding.diagnosis
     content = diagnosis.as_dict()
     return {
         **asdict(case),
         "outcome": str(diagnosis.outcome),
         "named": [effect.name for effect in diagnosis.effects],
         "effects": content["effects"],
+        "reason": diagnosis.reason,
         "candidates": content["candidates"][:5],
+        "searches": [_searched(search) for search in finding.searches],
         "track_before_m": [error.track_before_m for error in diagnosis.error],
         "track_after_m": [error.track_after_m for error in diagnosis.error],
         "seconds": time.monotonic() - started,
+    }
+
+
+def _searched(search: Search) -> dict[str, Any]:
+    """What the verdict of a search rested on: thresholds are calibrated on these."""
+    return {
+        "scale_m": search.before.scale,
+        "law_gain": search.law.held_out_gain,
+        "judged": [
+            {
+                "name": each.name,
+                "fitted_gain": each.fitted_gain,
+                "held_out_gain": each.held_out_gain,
+                "gain_ci95": each.gain_ci95,
+                "episode_gains": each.episode_gains.tolist(),
+                "p_null": search.ranking.p_null(each.gain),
+                "parameters": {name: asdict(estimate) for name, estimate in each.parameters.items()},
+                "episodes_agree": each.episodes_agree,
+            }
+            for each in search.judged
+        ],
     }
 
 

@@ -22,7 +22,7 @@ from egophys_core.discrepancy.judging import Judged, judge
 from egophys_core.discrepancy.linear import linear_problem
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.ranking import Ranked, Ranking, probe_effects, rank
-from egophys_core.discrepancy.refit import Fitted, refit
+from egophys_core.discrepancy.refit import Fitted, refit, residual_scale
 from egophys_core.discrepancy.residuals import Observation, observe, track_offsets
 from egophys_core.discrepancy.verdict import LARGEST_P, LEAST_GAIN, Verdict, decide
 from egophys_core.discrepancy.where import where
@@ -38,8 +38,25 @@ Progress = Callable[[str, float], None]
 WORTH_REFITTING = 0.4 * LEAST_GAIN
 """Held-out gain of the linear problem below which a refit has never found what was asked for."""
 
+BASE_REFITS = 2
+"""Times as many steps for the twin without any effect: what it still gains later on would be taken for an effect's."""
+
+FINER = 0.7
+"""Of the scale of the residuals: where an effect leaves less, all are judged again by what it leaves."""
+
 LEAST_MOTION_S = 1.0
 """Seconds of handling below which an episode says nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """One search for an effect beside those the fitted model carries."""
+
+    before: Fitted
+    ranking: Ranking
+    judged: list[Judged]
+    law: Law
+    verdict: Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,17 +67,8 @@ class Finding:
     twin: Twin
     """A new version that names its parent."""
     evidence: Evidence
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Round:
-    """One search for an effect beside those the fitted model carries."""
-
-    before: Fitted
-    ranking: Ranking
-    judged: list[Judged]
-    law: Law
-    verdict: Verdict
+    searches: tuple[Search, ...]
+    """The one beside the twin as it is, and, after an effect was named, the one beside that."""
 
 
 def diagnose(
@@ -119,10 +127,10 @@ def diagnose_observed(
         effect_named(name)
     model = replace(twin.model, effects=())
     progress("refit the twin as it is", 0.05)
-    base = base_fit(observations, model, iterations=options.refit_iterations)
+    base = base_fit(observations, model, iterations=BASE_REFITS * options.refit_iterations)
     first = _search(observations, base, options, without, seed, lambda stage, share: progress(stage, 0.2 + 0.4 * share))
     final, named, reason = first.before, first.verdict.judged, first.verdict.reason
-    outcome = first.verdict.outcome
+    outcome, searches = first.verdict.outcome, [first]
     if outcome in (Outcome.NAMED, Outcome.AMBIGUOUS):
         final = named[0].fitted
     if outcome == Outcome.NAMED:
@@ -130,6 +138,7 @@ def diagnose_observed(
         second = _search(
             observations, final, options, left_out, seed + 1, lambda stage, share: progress(stage, 0.6 + 0.3 * share)
         )
+        searches.append(second)
         if second.verdict.outcome == Outcome.NAMED:
             final = second.verdict.judged[0].fitted
             named = (*named, second.verdict.judged[0])
@@ -163,7 +172,10 @@ def diagnose_observed(
     )
     progress("done", 1.0)
     return Finding(
-        diagnosis=diagnosis, twin=improved, evidence=_evidence(everywhere, errors, observations[0], offsets[0])
+        diagnosis=diagnosis,
+        twin=improved,
+        evidence=_evidence(everywhere, errors, observations[0], offsets[0]),
+        searches=tuple(searches),
     )
 
 
@@ -210,8 +222,31 @@ def _search(
     without: Collection[str],
     seed: int,
     progress: Progress,
-) -> _Round:
-    """Probe, rank, refit the shortlist and decide."""
+) -> Search:
+    """Probe, rank, refit the shortlist and decide.
+
+    An effect that explains much leaves residuals far smaller than those it was judged by. Then all are judged again on
+    that scale: what was hidden in the large ones counts now.
+    """
+    found = _judged(observations, before, options, without, seed, lambda stage, share: progress(stage, 0.6 * share))
+    finest = min((residual_scale(each.fitted.residuals) for each in found.judged), default=before.scale)
+    if finest < FINER * before.scale:
+        before = refit(observations, before.model, before.knobs, iterations=options.refit_iterations, scale=finest)
+        found = _judged(
+            observations, before, options, without, seed, lambda stage, share: progress(stage, 0.6 + 0.4 * share)
+        )
+    return found
+
+
+def _judged(
+    observations: Sequence[Observation],
+    before: Fitted,
+    options: DiagnosisOptions,
+    without: Collection[str],
+    seed: int,
+    progress: Progress,
+) -> Search:
+    """One search on the scale of the residuals `before`."""
     problem = linear_problem(before.residuals, before.jacobian, before.scale)
     progress("probe the effects", 0.0)
     probes = probe_effects(
@@ -241,7 +276,7 @@ def _search(
     second = bool(before.model.effects)
     law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0
     verdict = decide(judged, p_null, law_gain, len(observations), second=second)
-    return _Round(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)
+    return Search(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)
 
 
 def _same_budget(observations: Sequence[Observation], before: Fitted, options: DiagnosisOptions) -> ObjectModel:
@@ -251,7 +286,7 @@ def _same_budget(observations: Sequence[Observation], before: Fitted, options: D
     ).model
 
 
-def _candidates(first: _Round) -> tuple[Candidate, ...]:
+def _candidates(first: Search) -> tuple[Candidate, ...]:
     """All effects, those that were refitted with the figures of the refit."""
     ranking, refitted = first.ranking, {each.name: each for each in first.judged}
     found = []

@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 
 from egophys_core.discrepancy.effects.effect import Action, Load, Scene
-from egophys_core.discrepancy.linear import LinearProblem, fit, free_columns, left_out_losses
+from egophys_core.discrepancy.linear import (
+    TRUST,
+    Columns,
+    LinearProblem,
+    fit,
+    free_columns,
+    left_out_losses,
+    trusted_columns,
+)
 from egophys_core.discrepancy.residuals import Observation, residuals_with
 from egophys_core.twin import ObjectModel
 
@@ -89,7 +97,7 @@ def find_law(
         ],
         axis=1,
     )
-    base_loss = left_out_losses(problem, free_columns(problem.base), problem.fold).sum()
+    base_loss = left_out_losses(problem, trusted_columns(problem.base, TRUST), problem.fold).sum()
     chosen: list[int] = []
     gain = 0.0
     while len(chosen) < MOST_TERMS:
@@ -104,16 +112,18 @@ def find_law(
         chosen, gain = [*chosen, best], gains[best]
     if not chosen:
         return Law(formula="", held_out_gain=0.0)
-    both = np.concatenate([problem.base, columns[:, chosen]], axis=1)
-    numbers = fit(problem.residual, free_columns(both), problem.scale)[problem.base.shape[1] :]
+    numbers = fit(problem.residual, _beside_base(problem, columns[:, chosen]), problem.scale)[problem.base.shape[1] :]
     terms = [f"{number:+.3g} {TERMS[index].formula}" for number, index in zip(numbers, chosen, strict=True)]
     units = ", ".join(TERMS[index].unit for index in chosen)
     return Law(formula=f"a = {' '.join(terms)} ({units})", held_out_gain=float(gain))
 
 
 def _held(problem: LinearProblem, columns: np.ndarray) -> float:
-    both = np.concatenate([problem.base, columns], axis=1)
-    return float(left_out_losses(problem, free_columns(both), problem.fold).sum())
+    return float(left_out_losses(problem, _beside_base(problem, columns), problem.fold).sum())
+
+
+def _beside_base(problem: LinearProblem, columns: np.ndarray) -> Columns:
+    return trusted_columns(problem.base, TRUST).beside(free_columns(columns))
 
 
 def _action(term: Term) -> Action:

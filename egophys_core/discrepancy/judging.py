@@ -9,6 +9,7 @@ from egophys_core.discrepancy.diagnosis import Estimate
 from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.knobs import Knob, effect_knobs, turned, with_effect
 from egophys_core.discrepancy.linear import (
+    TRUST,
     LinearProblem,
     fit,
     free_columns,
@@ -16,8 +17,9 @@ from egophys_core.discrepancy.linear import (
     linear_problem,
     losses,
     resampled_steps,
+    trusted_columns,
 )
-from egophys_core.discrepancy.ranking import Ranked
+from egophys_core.discrepancy.ranking import Ranked, surroundings
 from egophys_core.discrepancy.refit import Fitted, refit, robust_loss
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
@@ -25,7 +27,10 @@ from egophys_core.twin import ObjectModel
 SHARES = (0.25, 0.5, 1.0, 1.5)
 """Of the way to the linear optimum at which a refit may start; it lies short of or beyond the true one."""
 
-ALIKE = 0.2
+LEAPS = (-3.0, 3.0, 9.0)
+"""Times the size at which the search for an effect starts, from which a refit may start as well."""
+
+ALIKE = 0.4
 """Share of an effect's size by which episodes may differ however small the errors: a twin is not that exact."""
 
 AGREEMENT = 2.5
@@ -80,11 +85,14 @@ def judge(
     )
     without = linear_problem(before.residuals, before.jacobian, before.scale)
     problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
-    by_fold = _by_block(without, left_out_losses(without, free_columns(without.base), without.fold)) - _by_block(
-        problem, left_out_losses(problem, free_columns(problem.base), problem.fold)
-    )
+    # How much is asked anew of what was left out; where and when only nearby, as slopes go no farther.
+    nearby = [TRUST if knob.parameter.null is None else np.inf for knob in own]
+    reach = np.array([TRUST] * len(before.knobs) + nearby)
+    by_fold = _left_out(without, np.full(len(before.knobs), TRUST)) - _left_out(problem, reach)
     # What is the object's stays as all episodes fitted it; only the effect has to be told from the other episodes.
-    alone = left_out_losses(problem, free_columns(problem.base[:, len(before.knobs) :]), problem.episode)
+    alone = left_out_losses(
+        problem, trusted_columns(problem.base[:, len(before.knobs) :], np.array(nearby)), problem.episode
+    )
     by_episode = _by_block(without, losses(without.residual, without.scale)) - _by_block(problem, alone)
     count = len(observations)
     resampled = resampled_steps(problem, resamples=bootstraps, seed=seed)
@@ -107,23 +115,46 @@ def judge(
 
 
 def _start(observations: Sequence[Observation], before: Fitted, ranked: Ranked) -> ObjectModel:
-    """The best of some points on the way from no effect to the linear optimum, with and without the base's share."""
-    name, null, knobs = ranked.probe.effect.name, ranked.probe.null, effect_knobs(ranked.probe.effect)
+    """The best of some points on the way to the linear optimum, with and without the base's share, and of all starts.
+
+    An object that falls over where the real one lies still is far from anything linear.
+    """
+    effect = ranked.probe.effect
+    knobs = effect_knobs(effect)
     base = np.array([knob.position(before.model) for knob in before.knobs])
     models = []
     for share in SHARES:
-        values = {
-            knob.parameter.name: knob.value_at(
-                (1.0 - share) * knob.position_of(null[knob.parameter.name])
-                + share * knob.position_of(ranked.values[knob.parameter.name])
-            )
-            for knob in knobs
-        }
+        values = _between(knobs, ranked.probe.null, ranked.values, share)
         for moved in (base, base + min(share, 1.0) * ranked.base_steps):
-            models.append(with_effect(turned(before.model, before.knobs, moved), name, values))
+            models.append(with_effect(turned(before.model, before.knobs, moved), effect.name, values))
+    for start in effect.starts(surroundings(before.model, observations)):
+        null = {**start, **{each.name: each.null for each in effect.parameters if each.null is not None}}
+        for share in LEAPS:
+            models.append(with_effect(before.model, effect.name, _between(knobs, null, start, share)))
     found = residuals(observations, models)
     scores = [robust_loss([each[row] for each in found], before.scale) for row in range(len(models))]
     return models[int(np.argmin(scores))]
+
+
+def _between(knobs: Sequence[Knob], null: dict[str, float], there: dict[str, float], share: float) -> dict[str, float]:
+    """Parameters at a share of the way from no effect."""
+    return {
+        knob.parameter.name: knob.value_at(
+            (1.0 - share) * knob.position_of(null[knob.parameter.name])
+            + share * knob.position_of(there[knob.parameter.name])
+        )
+        for knob in knobs
+    }
+
+
+def _left_out(problem: LinearProblem, reach: np.ndarray) -> np.ndarray:
+    """[blocks] losses on stretches that were left out, of steps within `reach` [D].
+
+    They are no less in sum than those of the refit, which has seen all: slopes that promise more are wrong there.
+    """
+    found = left_out_losses(problem, trusted_columns(problem.base, reach), problem.fold)
+    fitted = losses(problem.residual, problem.scale)
+    return _by_block(problem, found if found.sum() > fitted.sum() else fitted)
 
 
 def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:
@@ -176,7 +207,8 @@ def _agree(problem: LinearProblem, model: ObjectModel, own: Sequence[Knob], resa
     alone = []
     for episode in episodes:
         rows = problem.episode == episode
-        alone.append(fit(problem.residual[rows], free_columns(problem.base[rows]), problem.scale)[sizes])
+        base = trusted_columns(problem.base[rows, :first], TRUST).beside(free_columns(problem.base[rows, first:]))
+        alone.append(fit(problem.residual[rows], base, problem.scale)[sizes])
     # An episode has a share of the data, so its own error is larger by the root of their number.
     apart = np.ptp(alone, axis=0)
     alike = (apart <= AGREEMENT * np.sqrt(2 * len(episodes)) * spread + 1e-9).all()

@@ -17,6 +17,10 @@ FOLDS = 3
 LEAST_SLOPE = 0.2
 """Share of the weights that the slopes of the score are taken to sum up to at least; guards a division."""
 
+TRUST = 2.0
+"""Steps of a knob over which what it does is taken to be proportional to it. Slopes of a twin that falls over where
+the real object lies still promise gains that no refit reaches."""
+
 REWEIGHTINGS = 5
 """Steps of iteratively reweighted least squares."""
 
@@ -105,7 +109,12 @@ class Columns:
 
 def free_columns(values: np.ndarray) -> Columns:
     """Columns [M, D] whose steps have no bounds."""
-    ends = np.full(values.shape[1], np.inf)
+    return trusted_columns(values, np.inf)
+
+
+def trusted_columns(values: np.ndarray, reach: float | np.ndarray) -> Columns:
+    """Columns [M, D] whose steps stay within `reach`, one number or [D]: as far as the slopes are to be believed."""
+    ends = np.broadcast_to(np.asarray(reach, dtype=np.float64), values.shape[1:])
     return Columns(values=values, low=-ends, high=ends)
 
 
@@ -141,7 +150,7 @@ def _bounded(matrix: np.ndarray, vector: np.ndarray, columns: Columns) -> np.nda
 
 def fitted_gain(problem: LinearProblem, columns: Columns) -> float:
     """Loss that the base knobs and further columns together save against the base knobs alone."""
-    base = free_columns(problem.base)
+    base = trusted_columns(problem.base, TRUST)
     return float(_fitted_loss(problem, base) - _fitted_loss(problem, base.beside(columns)))
 
 

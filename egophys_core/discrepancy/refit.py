@@ -25,6 +25,9 @@ LEAPS, LEAP = 2, 2.0
 PRIOR_STEPS = 10.0
 """Standard deviation of a knob's prior about its start, in steps: keeps what the data say nothing of where it was."""
 
+LEAST_SCALE = 1e-3
+"""Metres: no twin is better than this, and smaller residuals are no evidence."""
+
 LEAST_GAIN = 0.05
 """Improvement of the loss below which a refit ends."""
 
@@ -59,9 +62,9 @@ def robust_loss(found: Sequence[np.ndarray], scale: float) -> float:
 
 
 def residual_scale(found: Sequence[np.ndarray]) -> float:
-    """s, metres: the median size of a residual's component, at least half a millimetre."""
+    """s, metres: the median size of a residual's component, at least `LEAST_SCALE`."""
     values = np.concatenate([np.abs(each[np.isfinite(each)]) for each in found])
-    return float(max(np.median(values), 5e-4))
+    return float(max(np.median(values), LEAST_SCALE))
 
 
 def refit(

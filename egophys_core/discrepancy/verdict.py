@@ -45,8 +45,8 @@ OF_THE_SURROUNDINGS = (
     "tracking_scale",
     "tracking_rotation",
 )
-"""Effects that are the same in every motion: episodes that ask for different sizes refute them. A lump's place and size
-make up for each other, and a grip slips as it was taken."""
+"""Effects that are the same in every motion: episodes that ask for different sizes, of which one makes the other
+worse, refute them. A lump's place and size make up for each other, and a grip slips as it was taken."""
 
 
 SPECIAL_CASES = {"constant_body_force": ("gravity_tilt", "gravity_scale")}
@@ -78,7 +78,7 @@ def acceptable(judged: Judged, p_null: float) -> bool:
         and differs_from_null(judged)
         and not at_bound(judged)
         and beyond_the_graph(judged)
-        and (judged.episodes_agree or len(lost) == 0 or judged.name not in OF_THE_SURROUNDINGS)
+        and (judged.episodes_agree or (lost > 0.0).all() or judged.name not in OF_THE_SURROUNDINGS)
     )
 
 
@@ -134,7 +134,10 @@ def decide(
         for each in ordered
         if acceptable(each, p_null[each.name]) and each.gain >= max(least, needed(each, ordered))
     ]
-    if not good:
+    near = [each for each in ordered if good and each is not good[0] and each.gain >= RIVAL * good[0].gain]
+    rivals = [each for each in near if any(each is other for other in good)]
+    near = [each for each in near if each.name not in SPECIAL_CASES.get(good[0].name, ())]
+    if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.
         best = max([law_gain, *(each.gain for each in ordered if p_null[each.name] <= LARGEST_P)])
         if best >= STRUCTURE_GAIN:
@@ -153,9 +156,6 @@ def decide(
             experiment=None,
         )
     best_one = good[0]
-    near = [each for each in ordered if each is not best_one and each.gain >= RIVAL * best_one.gain]
-    rivals = [each for each in near if any(each is other for other in good)]
-    near = [each for each in near if each.name not in SPECIAL_CASES.get(best_one.name, ())]
     if near and not rivals:
         refuted = ", ".join(each.name for each in near)
         return Verdict(

@@ -13,6 +13,7 @@ from egophys_core.discrepancy.linear import (
     linear_problem,
     resampled_steps,
     sham,
+    trusted_columns,
 )
 
 SCALE = 1e-3
@@ -48,6 +49,32 @@ def test_a_step_stays_within_its_bounds_and_the_others_make_up_for_it():
     free = free_columns(problem.column(columns))
     bounded = replace(free, low=np.zeros(2))
     assert fit(problem.residual, bounded, SCALE) == pytest.approx([1.5, 0.0], abs=0.2)
+
+
+def test_trusted_steps_stop_at_their_reach_and_free_ones_do_not():
+    columns = random_columns(1)
+    problem = problem_with(columns, [5.0])
+    values = problem.column(columns)
+    assert fit(problem.residual, trusted_columns(values, 2.0), SCALE) == pytest.approx([2.0])
+    assert fit(problem.residual, trusted_columns(-values, 2.0), SCALE) == pytest.approx([-2.0])
+    assert fit(problem.residual, free_columns(values), SCALE) == pytest.approx([5.0], abs=0.15)
+    assert np.isinf([free_columns(values).low, free_columns(values).high]).all()
+
+
+def test_each_column_may_have_a_reach_of_its_own():
+    columns = random_columns()
+    problem = problem_with(columns, [3.0, -1.0])
+    reach = np.array([2.0, np.inf])
+    assert fit(problem.residual, trusted_columns(problem.column(columns), reach), SCALE) == pytest.approx(
+        [2.0, -1.0], abs=0.2
+    )
+
+
+def test_the_base_explains_no_more_than_it_is_trusted_with():
+    columns = random_columns(1)
+    problem = problem_with(columns, [5.0])
+    known = replace(problem, base=problem.column(columns))
+    assert fitted_gain(known, free_columns(problem.column(columns))) > 20.0
 
 
 def test_nothing_to_fit_gives_no_steps():

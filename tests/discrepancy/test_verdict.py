@@ -37,6 +37,7 @@ def judged(name: str, gain: float, **changes) -> Judged:
 
 P = {"quadratic_drag": 0.01, "control_delay": 0.01, "anisotropy": 0.01}
 CLEAR = 3 * LEAST_GAIN
+REFUTED = {"episodes_agree": False, "episode_gains": np.array([60.0, -1.0])}
 
 
 def test_one_clear_effect_is_named():
@@ -71,13 +72,18 @@ def test_little_gain_is_no_effect():
         {"parameters": {"coefficient": Estimate(value=60.0, unit="1/m", ci95=(50.0, 70.0))}},
         {"parameters": {"coefficient": Estimate(value=0.1, unit="1/m", ci95=(-0.1, 0.3))}},
         {"fitted_gain": 0.0},
-        {"episodes_agree": False},
+        {"episodes_agree": False, "episode_gains": np.array([60.0, -1.0])},
     ],
 )
 def test_an_effect_with_a_flaw_is_not_named(flaw):
     verdict = decide([replace(judged("quadratic_drag", CLEAR), **flaw)], P, 0.0, 2)
     assert verdict.outcome in (Outcome.NONE, Outcome.UNEXPLAINED)
     assert not verdict.judged
+
+
+def test_sizes_that_differ_but_help_in_the_other_episode_are_forgiven():
+    found = judged("quadratic_drag", CLEAR, episodes_agree=False)
+    assert decide([found], P, 0.0, 2).outcome == Outcome.NAMED
 
 
 @pytest.mark.parametrize(("offset", "outcome"), [(0.002, Outcome.UNEXPLAINED), (0.09, Outcome.NAMED)])
@@ -102,17 +108,23 @@ def test_two_that_gain_alike_are_ambiguous_with_an_experiment():
 
 
 def test_what_a_refuted_effect_explains_as_well_is_no_evidence():
-    refuted = judged("control_delay", 1.1 * CLEAR, episodes_agree=False)
+    refuted = judged("control_delay", 1.1 * CLEAR, **REFUTED)
     verdict = decide([judged("quadratic_drag", CLEAR), refuted], P, 0.0, 2)
     assert (verdict.outcome, verdict.judged) == (Outcome.UNEXPLAINED, ())
     assert "control_delay" in verdict.reason
+
+
+def test_what_a_refuted_effect_explains_as_well_is_mismatch_while_it_is_little():
+    gain = 0.5 * (CROWDED_GAIN + STRUCTURE_GAIN)
+    verdict = decide([judged("quadratic_drag", gain), judged("control_delay", gain, **REFUTED)], P, 0.0, 2)
+    assert verdict.outcome == Outcome.NONE
 
 
 def test_a_refuted_special_case_does_not_refute_the_general_one():
     force = {axis: Estimate(value=1.0, unit="m/s^2", ci95=(0.5, 1.5)) for axis in "xyz"}
     tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
     general = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force)
-    special = replace(general, name="gravity_tilt", parameters=tilt, episodes_agree=False)
+    special = replace(general, name="gravity_tilt", parameters=tilt, **REFUTED)
     verdict = decide([general, special], {"constant_body_force": 0.01, "gravity_tilt": 0.01}, 0.0, 2)
     assert [each.name for each in verdict.judged] == ["constant_body_force"]
 

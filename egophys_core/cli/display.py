@@ -10,6 +10,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from egophys_core.evaluation import Scores
+from egophys_core.json_numbers import nulled
 
 
 class Report(Protocol):
@@ -35,7 +36,7 @@ def progress_bar() -> Iterator[Report]:
 
 def print_json(content: Mapping[str, Any]) -> None:
     """One JSON object on standard output; numbers that are not finite become null."""
-    print(json.dumps(_finite(content), indent=1))
+    print(json.dumps(nulled(content), indent=1))
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -66,13 +67,3 @@ def print_scores(title: str, scores: Mapping[str, Scores]) -> None:
 
 def _millimetres(value: float) -> str:
     return "-" if value != value else f"{1000 * value:.1f}"
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
-        return None
-    if isinstance(value, Mapping):
-        return {key: _finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    return value

@@ -7,7 +7,7 @@ import os
 import shutil
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -20,6 +20,7 @@ from egophys_core.cli.display import Report, print_json, print_table, progress_b
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import OutputError
 from egophys_core.files import write_atomically
+from egophys_core.json_numbers import nulled
 from egophys_core.options import to_mapping
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.recording import SENSOR_QOS, LogWriter, list_topics, read_records, write_episode
@@ -84,13 +85,6 @@ def run(parsed: argparse.Namespace) -> int:
     _print_report(perceived)
     print(f"{EPISODE_NAME}/, {SHEET_NAME}, {VIDEO_NAME} and {REPORT_NAME} written to {parsed.out}")
     return 0
-
-
-def nulled(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values with None for numbers that are not finite, which JSON does not have."""
-    return {
-        name: None if isinstance(value, float) and not np.isfinite(value) else value for name, value in values.items()
-    }
 
 
 def _perceive(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.files import write_atomically
+from egophys_core.json_numbers import nulled
 
 
 class Outcome(StrEnum):
@@ -126,19 +127,9 @@ class Diagnosis:
 
     def as_dict(self) -> dict[str, Any]:
         """The content of `diagnosis.json`; numbers that are not finite are None."""
-        return dict(_finite(asdict(self)))
+        return dict(nulled(asdict(self)))
 
 
 def save_diagnosis(diagnosis: Diagnosis, path: Path) -> None:
     """Write `diagnosis.json` atomically."""
     write_atomically(path, json.dumps(diagnosis.as_dict(), indent=1).encode())
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(each) for each in value]
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value

@@ -9,6 +9,7 @@ import pytest
 from egophys_core.discrepancy.diagnosis import Estimate, Outcome
 from egophys_core.discrepancy.judging import Judged
 from egophys_core.discrepancy.verdict import CROWDED_GAIN, LEAST_GAIN, SECOND_GAIN, STRUCTURE_GAIN, decide
+from egophys_core.twin import ObjectKind
 from tests.simulation.scenes import sheet_model
 
 
@@ -123,10 +124,22 @@ def test_what_a_refuted_effect_explains_as_well_is_mismatch_while_it_is_little()
 def test_a_refuted_special_case_does_not_refute_the_general_one():
     force = {axis: Estimate(value=1.0, unit="m/s^2", ci95=(0.5, 1.5)) for axis in "xyz"}
     tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
-    general = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force)
+    towel = SimpleNamespace(model=sheet_model())
+    general = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force, fitted=towel)
     special = replace(general, name="gravity_tilt", parameters=tilt, **REFUTED)
     verdict = decide([general, special], {"constant_body_force": 0.01, "gravity_tilt": 0.01}, 0.0, 2)
     assert [each.name for each in verdict.judged] == ["constant_body_force"]
+
+
+@pytest.mark.parametrize(("up", "kind", "named"), [(2.6, "solid", 0), (0.5, "solid", 1), (2.6, "sheet", 1)])
+def test_a_toy_that_sags_less_than_its_twin_is_not_pulled_up(up, kind, named):
+    force = {
+        axis: Estimate(value=value, unit="m/s^2", ci95=(0.9 * value, 1.1 * value))
+        for axis, value in {"x": 0.8, "y": 0.1, "z": up}.items()
+    }
+    body = SimpleNamespace(model=replace(sheet_model(), kind=ObjectKind(kind)))
+    found = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force, fitted=body)
+    assert len(decide([found], {"constant_body_force": 0.01}, 0.0, 2).judged) == named
 
 
 def test_one_episode_names_nothing_and_says_what_to_record():

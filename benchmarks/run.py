@@ -72,25 +72,48 @@ def _diagnoses_table(result: dict[str, Any]) -> str:
 
 
 def _planted_table(result: dict[str, Any]) -> str:
-    """A row for each planted effect and size: what the diagnosis said of it."""
-    rows = sorted(result["rows"], key=lambda row: (row["effect"] != "none", row["effect"], row["size"]))
-    nothing = [row for row in rows if row["effect"] == "none"]
-    wrong = [", ".join(row["named"]) for row in nothing if row["named"]]
+    """The confusion matrix: what was said of each planted effect, by size, with its entry in the library or not."""
+    nothing = [row for row in result["rows"] if row["effect"] == "none"]
+    planted = [row for row in result["rows"] if row["effect"] != "none"]
+    found = {(row["effect"], row["size"], bool(row["without"])): row for row in planted}
+    columns = [(size, left_out) for left_out in (False, True) for size in ("large", "small")]
     lines = [
-        f"Of {len(nothing)} sets without an effect {len(wrong)} were given a name"
-        + (f" ({'; '.join(wrong)})" if wrong else "")
+        f"{_share(nothing, [])} of the sets without an effect were given no name"
+        + "".join(f"; {row['object']}, {' and '.join(row['motions'])}: {_said(row)}" for row in nothing if row["named"])
+        + ". Named right: "
+        + ", ".join(f"{_share(_of(planted, size, False), None)} of the {size} ones" for size in ("large", "small"))
+        + ". No name with the entry left out: "
+        + ", ".join(f"{_share(_of(planted, size, True), [])} of the {size} ones" for size in ("large", "small"))
         + ".",
         "",
-        "| planted | size | left out of the library | outcome | named |",
+        "| planted | large | small | large, entry left out | small, entry left out |",
         "|---|---|---|---|---|",
     ]
-    lines += [
-        f"| {row['effect']} | {row['size']} | {'yes' if row['without'] else ''} | {row['outcome']} | "
-        f"{', '.join(row['named']) or '-'} |"
-        for row in rows
-        if row["effect"] != "none"
-    ]
+    for name in sorted({row["effect"] for row in planted}):
+        cells = [_said(found[name, *column]) if (name, *column) in found else "" for column in columns]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _of(rows: list[dict[str, Any]], size: str, left_out: bool) -> list[dict[str, Any]]:
+    return [row for row in rows if row["size"] == size and bool(row["without"]) == left_out]
+
+
+def _share(rows: list[dict[str, Any]], names: list[str] | None) -> str:
+    """How many were given just these names, or, with None, that of what was planted; ambiguous sets name nothing."""
+    right = sum(_names(row) == ([row["effect"]] if names is None else names) for row in rows)
+    return f"{right} of {len(rows)}"
+
+
+def _names(row: dict[str, Any]) -> list[str]:
+    return [] if row["outcome"] == "ambiguous" else list(row["named"])
+
+
+def _said(row: dict[str, Any]) -> str:
+    if not row["named"]:
+        return str(row["outcome"])
+    names = (" or " if row["outcome"] == "ambiguous" else " and ").join(row["named"])
+    return names + (", and a rest" if row["outcome"] == "named_and_unexplained" else "")
 
 
 def _simulation_table(result: dict[str, Any]) -> str:

@@ -20,8 +20,9 @@ LEAST_GAIN = 40.0
 CROWDED_GAIN = 50.0
 """Gain it must reach beside others that gain more than half as much."""
 
-SECOND_GAIN = 60.0
-"""Gain that an effect must reach to be named beside another: what is left then is mismatch for the most part."""
+SECOND_GAIN = 100.0
+"""Gain that an effect, or a structure, must reach beside a named one: what is left then is mismatch for the most part
+(a toy whose lump was named asked for a tether besides, with a gain of 79)."""
 
 CROWD = 0.5
 """Share of an effect's gain from which another, which does not mimic it, makes a crowd."""
@@ -153,7 +154,7 @@ def decide(
     if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.
         best = max([law_gain, *(each.gain for each in ordered if p_null[each.name] <= LARGEST_P)])
-        if best >= STRUCTURE_GAIN:
+        if best >= max(STRUCTURE_GAIN, least):
             return Verdict(
                 outcome=Outcome.UNEXPLAINED,
                 judged=(),

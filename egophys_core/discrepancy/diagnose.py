@@ -35,7 +35,7 @@ from egophys_core.twin import ObjectModel, Provenance, Twin
 Progress = Callable[[str, float], None]
 """Called with stage and share of the whole done (0..1); may raise to stop."""
 
-WORTH_REFITTING = 0.25 * LEAST_GAIN
+WORTH_REFITTING = LEAST_GAIN / 6.0
 """Held-out gain of the linear problem below which a refit has never found what was asked for."""
 
 BASE_REFITS = 2

@@ -14,10 +14,10 @@ from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.judging import Judged
 from egophys_core.twin import ObjectKind
 
-LEAST_GAIN = 40.0
+LEAST_GAIN = 60.0
 """Gain in log-likelihood that an effect must reach to be named if it stands alone."""
 
-CROWDED_GAIN = 50.0
+CROWDED_GAIN = 75.0
 """Gain it must reach beside others that gain more than half as much."""
 
 SECOND_GAIN = 100.0
@@ -33,7 +33,7 @@ LARGEST_P = 0.05
 RIVAL = 0.75
 """An effect that gains this share of the best one's gain is not told apart from it."""
 
-STRUCTURE_GAIN = 60.0
+STRUCTURE_GAIN = 80.0
 """Held-out gain of a generic law, or of an effect that is not accepted, from which a residual is called structured."""
 
 

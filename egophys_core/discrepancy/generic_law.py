@@ -12,13 +12,12 @@ import numpy as np
 
 from egophys_core.discrepancy.effects.effect import Action, Load, Scene
 from egophys_core.discrepancy.linear import (
-    TRUST,
     Columns,
     LinearProblem,
+    base_columns,
     fit,
     free_columns,
     left_out_losses,
-    trusted_columns,
 )
 from egophys_core.discrepancy.residuals import Observation, residuals_with
 from egophys_core.twin import ObjectModel
@@ -97,7 +96,7 @@ def find_law(
         ],
         axis=1,
     )
-    base_loss = left_out_losses(problem, trusted_columns(problem.base, TRUST), problem.fold).sum()
+    base_loss = left_out_losses(problem, base_columns(problem), problem.fold).sum()
     chosen: list[int] = []
     gain = 0.0
     while len(chosen) < MOST_TERMS:
@@ -123,7 +122,7 @@ def _held(problem: LinearProblem, columns: np.ndarray) -> float:
 
 
 def _beside_base(problem: LinearProblem, columns: np.ndarray) -> Columns:
-    return trusted_columns(problem.base, TRUST).beside(free_columns(columns))
+    return base_columns(problem).beside(free_columns(columns))
 
 
 def _action(term: Term) -> Action:

@@ -118,6 +118,11 @@ def trusted_columns(values: np.ndarray, reach: float | np.ndarray) -> Columns:
     return Columns(values=values, low=-ends, high=ends)
 
 
+def base_columns(problem: LinearProblem) -> Columns:
+    """The base knobs, whose steps stay within `TRUST`."""
+    return trusted_columns(problem.base, TRUST)
+
+
 def fit(residual: np.ndarray, columns: Columns, scale: float) -> np.ndarray:
     """[D] steps that make residual + values @ steps least; 0 where they do not help."""
     values = columns.values
@@ -150,7 +155,7 @@ def _bounded(matrix: np.ndarray, vector: np.ndarray, columns: Columns) -> np.nda
 
 def fitted_gain(problem: LinearProblem, columns: Columns) -> float:
     """Loss that the base knobs and further columns together save against the base knobs alone."""
-    base = trusted_columns(problem.base, TRUST)
+    base = base_columns(problem)
     return float(_fitted_loss(problem, base) - _fitted_loss(problem, base.beside(columns)))
 
 

@@ -9,14 +9,13 @@ import numpy as np
 from egophys_core.discrepancy.effects import LIBRARY, Effect, Surroundings
 from egophys_core.discrepancy.knobs import effect_knobs, with_effect
 from egophys_core.discrepancy.linear import (
-    TRUST,
     Columns,
     LinearProblem,
+    base_columns,
     fit,
     fitted_gain,
     left_out_losses,
     sham,
-    trusted_columns,
 )
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
@@ -162,7 +161,7 @@ def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: i
     by_effect: dict[str, list[Probe]] = {}
     for probe in probes:
         by_effect.setdefault(probe.effect.name, []).append(probe)
-    base = trusted_columns(problem.base, TRUST)
+    base = base_columns(problem)
     base_loss = left_out_losses(problem, base, problem.fold).sum()
 
     def held_out(columns: Columns) -> float:
@@ -198,7 +197,7 @@ def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: i
 
 def _optimum(problem: LinearProblem, probe: Probe) -> dict[str, Any]:
     """The effect's parameters at the linear optimum, within bounds, and the steps of the base knobs to there."""
-    columns = trusted_columns(problem.base, TRUST).beside(probe.columns(problem.column(probe.slopes)))
+    columns = base_columns(problem).beside(probe.columns(problem.column(probe.slopes)))
     base_steps, steps = np.split(fit(problem.residual, columns, problem.scale), [problem.base.shape[1]])
     values = dict(probe.null)
     for knob in effect_knobs(probe.effect):

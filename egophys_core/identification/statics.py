@@ -56,16 +56,12 @@ def without_sag(model: ObjectModel) -> ObjectModel:
     along, lengths = _directions(positions, graph.springs)
     low = positions[:, 2] - positions[:, 2].min()
     foot = low <= max(FOOT * float(np.median(lengths)), float(np.sort(low)[min(FEWEST_OF_FOOT, len(low)) - 1]))
-    free = np.ones((len(positions), 3), bool)
-    free[foot] = False
     weight = np.zeros_like(positions)
     weight[:, 2] = -model.parameters.gravity * model.node_masses
     matrix = stiffness_matrix(positions, graph.springs, model.stiffness.astype(np.float64))
-    rows = np.flatnonzero(free.ravel())
-    held = matrix[rows][:, rows] + REGULAR * matrix.diagonal().max() * identity(len(rows), format="csc")
-    moved = np.zeros(positions.size)
-    moved[rows] = splu(held.tocsc()).solve(weight.ravel()[rows])
-    moved = moved.reshape(-1, 3)
+    free = np.repeat(~foot, 3)
+    moved = np.zeros_like(positions)
+    moved.ravel()[free] = _solution(matrix[free][:, free], weight.ravel()[free])
     elongation = ((moved[graph.springs[:, 1]] - moved[graph.springs[:, 0]]) * along).sum(axis=1)
     rest_lengths = np.clip(lengths - elongation, *(np.array(SHORTEST_TO_LONGEST)[:, None] * lengths))
     return replace(model, graph=replace(graph, rest_lengths=rest_lengths.astype(np.float32)))
@@ -101,13 +97,17 @@ def equilibrium(
             np.add.at(acting, springs[:, 0], pull)
             np.add.at(acting, springs[:, 1], -pull)
             matrix = stiffness_matrix(here, springs, stiffness)
-            inner = matrix[free][:, free]
-            inner = inner + REGULAR * inner.diagonal().max() * identity(inner.shape[0], format="csc")
             asked = acting.ravel()[free] - matrix[free][:, ~free] @ step.ravel()[~free]
             moved = step.ravel()
-            moved[free] = splu(inner.tocsc()).solve(asked)
+            moved[free] = _solution(matrix[free][:, free], asked)
             here = here + moved.reshape(-1, 3)
     return here
+
+
+def _solution(matrix: csc_matrix, forces: np.ndarray) -> np.ndarray:
+    """[M] metres: the displacements under forces [M], N, of what a stiffness matrix [M, M] holds."""
+    regular = matrix + REGULAR * matrix.diagonal().max() * identity(matrix.shape[0], format="csc")
+    return np.asarray(splu(regular.tocsc()).solve(forces))
 
 
 def _directions(positions: np.ndarray, springs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -56,8 +56,8 @@ class ObjectModel:
 
 
 def resting_height(kind: ObjectKind, positions: np.ndarray) -> float:
-    """z at which an object that lies on the table, nodes [N, 3], touches it: the mean of a sheet's nodes or of a
-    solid's foot; the lowest node of all would only be the one with the most noise."""
+    """z at which an object that lies on the table, nodes [N, 3], touches it: the median of a sheet's nodes, the
+    mean of a solid's foot; the lowest node of all would only be the one with the most noise."""
     heights = positions[:, 2].astype(np.float64)
     if kind == ObjectKind.SHEET:
         return float(np.median(heights))

@@ -96,13 +96,23 @@ def make_body(options: RehearsalOptions, object_seed: int) -> SoftBody:
 
 
 def _sheet(size: np.ndarray, spacing: float = 0.018) -> tuple[np.ndarray, np.ndarray]:
-    """A flat grid of triangles, all diagonals one way: where they alternate, MuJoCo 3.3 bends a sheet at rest."""
-    columns, rows = (round(extent / spacing) + 1 for extent in size)
-    x, y = np.meshgrid(np.linspace(-0.5, 0.5, columns) * size[0], np.linspace(-0.5, 0.5, rows) * size[1], indexing="ij")
-    vertices = np.stack([x, y, np.zeros_like(x)], axis=-1).reshape(-1, 3)
-    index = np.arange(len(vertices)).reshape(columns, rows)
-    a, b, c, d = (each.ravel() for each in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
-    return vertices, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    """A flat sheet of congruent, nearly equilateral triangles, every other row half a triangle aside.
+
+    Squares cut along diagonals that all go one way bend more easily along these: an anisotropic sheet. Where two
+    triangles at an edge are no parallelogram, as at a straight side, MuJoCo 3.3 strains a sheet at rest.
+    """
+    columns, rows = round(size[0] / spacing), round(size[1] / (spacing * np.sqrt(3.0) / 2.0)) + 1
+    width = size[0] / (columns + 0.5)
+    column, row = np.meshgrid(np.arange(columns + 1), np.arange(rows), indexing="ij")
+    along = (column + 0.5 * (row % 2)) * width - 0.5 * size[0]
+    across = (row / (rows - 1) - 0.5) * size[1]
+    vertices = np.stack([along, across, np.zeros_like(along)], axis=-1).reshape(-1, 3)
+    index = np.arange(len(vertices)).reshape(columns + 1, rows)
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    even = (row[:-1, :-1] % 2 == 0)[..., None]
+    first = np.where(even, np.stack([a, b, d], axis=-1), np.stack([a, b, c], axis=-1))
+    second = np.where(even, np.stack([b, c, d], axis=-1), np.stack([a, c, d], axis=-1))
+    return vertices, np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)])
 
 
 def _ellipsoid(radii: np.ndarray, shells: int = 3) -> tuple[np.ndarray, np.ndarray]:

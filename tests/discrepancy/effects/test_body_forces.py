@@ -36,9 +36,18 @@ def test_a_constant_body_force_moves_by_half_its_square_of_time():
 
 @pytest.mark.parametrize(("onset", "lasted"), [(0.11, 0.25), (0.35, 0.15), (0.9, 0.0)])
 def test_a_gust_leaves_a_speed_of_acceleration_times_duration(onset, lasted):
-    effect = {"x": 2.0, "y": 0.0, "z": -1.0, "onset": onset, "duration": 0.25}
+    effect = {"x": 2.0, "y": 0.0, "z": -1.0, "onset": onset, "duration": 0.25, "frequency": 0.0, "phase": 0.0}
     result = run(with_effect(sheet(gravity=0.0, drag=0.0), "time_varying_body_force", **effect))
     assert result.velocities[0].mean(axis=0) == pytest.approx(lasted * np.array([2.0, 0.0, -1.0]), abs=FLOAT32)
+
+
+def test_a_force_to_and_fro_leaves_the_integral_of_its_sine():
+    # v = A (1 - cos w t) / w for a = A sin w t; the force of a frame is that at its middle.
+    effect = {"x": 2.0, "y": 0.0, "z": 0.0, "onset": 0.0, "duration": 9.0, "frequency": 0.8, "phase": np.pi / 2}
+    result = run(with_effect(sheet(gravity=0.0, drag=0.0), "time_varying_body_force", **effect))
+    pulsation = 2.0 * np.pi * 0.8
+    exact = 2.0 * (1.0 - np.cos(pulsation * 0.5)) / pulsation
+    assert result.velocities[0, :, 0].mean() == pytest.approx(exact, rel=2e-3)
 
 
 def test_gravity_scale_scales_the_fall():

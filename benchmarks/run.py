@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import beam, blind, perception, physics, planted, towel
+from benchmarks import beam, blind, cost, perception, physics, planted, towel
 from egophys_core.files import write_atomically
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -21,6 +21,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "planted": planted.run,
     "diagnoses": blind.run,
     "beam": beam.run,
+    "cost": cost.run,
 }
 
 
@@ -45,6 +46,7 @@ def renew_tables() -> None:
         ("perception", "perception", _perception_table),
         ("planted", "planted", _planted_table),
         ("diagnoses", "diagnoses", _diagnoses_table),
+        ("cost", "cost", _cost_table),
     ):
         path = RESULTS / f"{result}.json"
         measured = path.exists()
@@ -55,6 +57,16 @@ def renew_tables() -> None:
         _, end, after = rest.partition("<!-- end -->")
         readme = f"{before}{begin}{text}\n{end}{after}"
     write_atomically(REPOSITORY / "README.md", readme.encode())
+
+
+def _cost_table(result: dict[str, Any]) -> str:
+    lines = ["| points | episodes | candidates | elapsed | CPU time | over the yardstick's |", "|" + " --- |" * 6]
+    lines += [
+        f"| {row['points']} | {row['episodes']} | {row['candidates']} | {row['elapsed_s']:.0f} s "
+        f"| {row['cpu_s']:.0f} s | {row['cpu_per_yardstick']:.1f} |"
+        for row in result["rows"]
+    ]
+    return "\n".join(lines)
 
 
 def _diagnoses_table(result: dict[str, Any]) -> str:

@@ -6,7 +6,7 @@ beside the twin's own, and the best is refitted.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -21,7 +21,7 @@ from egophys_core.identification.statics import without_sag
 from egophys_core.twin import ObjectKind, ObjectModel, per_kind
 
 OBJECT_RADII = {ObjectKind.SHEET: (1.5, 2.0, 2.5), ObjectKind.SOLID: (2.0, 2.5, 3.0)}
-GRASP_RADII = (2.0, 3.0, 4.0)
+GRASP_RADII = (1.0, 2.0, 3.0)
 """In units of the node spacing."""
 
 NEIGHBOURS = 24
@@ -34,6 +34,9 @@ STIFFNESS_RATE = {ObjectKind.SHEET: 5e4, ObjectKind.SOLID: 2e5}
 SOFTER = (1.0, 0.25)
 """Times that stiffness at which a variant may begin."""
 
+BENDING_RATIOS = {ObjectKind.SHEET: (0.03, 0.3), ObjectKind.SOLID: (0.03,)}
+"""Stiffness of bending springs over that of the others at which a variant may begin: limp cloth, and felt."""
+
 FINALISTS, TRIAL_STEPS = 2, 3
 """Variants that are refitted, and by how many steps, before the best of them is refitted to the end."""
 
@@ -41,10 +44,18 @@ DAMPING_RATE = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 3.0}
 """1/s."""
 
 
-def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterations: int) -> Fitted:
+@dataclass(frozen=True, kw_only=True)
+class Base:
+    """The twin without an effect."""
+
+    fitted: Fitted
+    others: list[ObjectModel]
+    """What it was chosen from. A twin bends to make up for an effect that it lacks; these did not, or otherwise."""
+
+
+def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterations: int) -> Base:
     """The best of the twin and its variants, refitted; the first few tell only after some steps which it is."""
-    own = [model, without_sag(model)] if model.kind == ObjectKind.SOLID else [model]
-    models = [*own, *variants(model)]
+    models = [*unfitted(model), *variants(model)]
     found = residuals(observations, models)
     scale = residual_scale([each[0] for each in found])
     losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
@@ -54,10 +65,17 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterati
         refit(observations, models[row], base_knobs(models[row]), iterations=TRIAL_STEPS, scale=scale)
         for row in order[:FINALISTS]
     ]
-    best = min(first, key=lambda each: each.loss)
-    return refit(
+    first.sort(key=lambda each: each.loss)
+    best, *runners_up = first
+    fitted = refit(
         observations, best.model, best.knobs, iterations=iterations, scale=min(scale, residual_scale(best.residuals))
     )
+    return Base(fitted=fitted, others=[*unfitted(model), *(each.model for each in runners_up)])
+
+
+def unfitted(model: ObjectModel) -> list[ObjectModel]:
+    """The twin as it is, and with springs that carry its weight where it lies."""
+    return [model, without_sag(model)] if model.kind == ObjectKind.SOLID else [model]
 
 
 def variants(model: ObjectModel) -> list[ObjectModel]:
@@ -68,14 +86,16 @@ def variants(model: ObjectModel) -> list[ObjectModel]:
     shape = RestShape(positions=graph.positions, surface=graph.surface, kind=model.kind, spacing=spacing)
     node_mass = parameters.total_mass / len(graph.positions)
     found = []
-    for softer, radius, grasp in product(SOFTER, OBJECT_RADII[model.kind], GRASP_RADII):
+    for softer, bending, radius, grasp in product(
+        SOFTER, BENDING_RATIOS[model.kind], OBJECT_RADII[model.kind], GRASP_RADII
+    ):
         # Springs share the load: more of them, each softer.
         stiffness = softer * STIFFNESS_RATE[model.kind] * node_mass * (2.0 / radius) ** 2
         plain = replace(
             parameters,
             stiffness=stiffness,
             damping=DAMPING_RATE[model.kind] * node_mass,
-            bending_ratio=0.03,
+            bending_ratio=bending,
             strain_limit=1e6,
             ground_projection=0.0,
             restitution=0.0,

@@ -49,6 +49,15 @@ LEAST_MOTION_S = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
+class Inquiry:
+    """What stays the same over the searches of a diagnosis."""
+
+    observations: Sequence[Observation]
+    options: DiagnosisOptions
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class Search:
     """One search for an effect beside those the fitted model carries."""
 
@@ -128,16 +137,17 @@ def diagnose_observed(
     model = replace(twin.model, effects=())
     progress("refit the twin as it is", 0.05)
     base = base_fit(observations, model, iterations=BASE_REFITS * options.refit_iterations)
-    first = _search(observations, base, options, without, seed, lambda stage, share: progress(stage, 0.2 + 0.4 * share))
+    inquiry = Inquiry(observations=observations, options=options, seed=seed)
+    first = _search(
+        inquiry, base.fitted, without, lambda stage, share: progress(stage, 0.2 + 0.4 * share), others=base.others
+    )
     final, named, reason = first.before, first.verdict.judged, first.verdict.reason
     outcome, searches = first.verdict.outcome, [first]
     if outcome in (Outcome.NAMED, Outcome.AMBIGUOUS):
         final = named[0].fitted
     if outcome == Outcome.NAMED:
         left_out = {*without, named[0].name}
-        second = _search(
-            observations, final, options, left_out, seed + 1, lambda stage, share: progress(stage, 0.6 + 0.3 * share)
-        )
+        second = _search(inquiry, final, left_out, lambda stage, share: progress(stage, 0.6 + 0.3 * share))
         searches.append(second)
         if second.verdict.outcome == Outcome.NAMED:
             final = second.verdict.judged[0].fitted
@@ -150,7 +160,7 @@ def diagnose_observed(
     everywhere = [*observations, *report_on]
     before = _same_budget(observations, first.before, options)
     errors = [free_errors(each, [before, final.model]) for each in everywhere]
-    offsets = [track_offsets(each, [base.model])[0][0] for each in observations]
+    offsets = [track_offsets(each, [base.fitted.model])[0][0] for each in observations]
     improved = _new_version(twin, final.model, [each.episode for each in observations], options, seed)
     diagnosis = Diagnosis(
         outcome=outcome,
@@ -216,37 +226,32 @@ def _observed(model: ObjectModel, episode: Episode) -> Observation:
 
 
 def _search(
-    observations: Sequence[Observation],
+    inquiry: Inquiry,
     before: Fitted,
-    options: DiagnosisOptions,
     without: Collection[str],
-    seed: int,
     progress: Progress,
+    *,
+    others: Sequence[ObjectModel] = (),
 ) -> Search:
     """Probe, rank, refit the shortlist and decide.
 
     An effect that explains much leaves residuals far smaller than those it was judged by. Then all are judged again on
     that scale: what was hidden in the large ones counts now.
     """
-    found = _judged(observations, before, options, without, seed, lambda stage, share: progress(stage, 0.6 * share))
+    found = _judged(inquiry, before, without, others, lambda stage, share: progress(stage, 0.6 * share))
     finest = min((residual_scale(each.fitted.residuals) for each in found.judged), default=before.scale)
     if finest < FINER * before.scale:
-        before = refit(observations, before.model, before.knobs, iterations=options.refit_iterations, scale=finest)
-        found = _judged(
-            observations, before, options, without, seed, lambda stage, share: progress(stage, 0.6 + 0.4 * share)
-        )
+        iterations = inquiry.options.refit_iterations
+        before = refit(inquiry.observations, before.model, before.knobs, iterations=iterations, scale=finest)
+        found = _judged(inquiry, before, without, others, lambda stage, share: progress(stage, 0.6 + 0.4 * share))
     return found
 
 
 def _judged(
-    observations: Sequence[Observation],
-    before: Fitted,
-    options: DiagnosisOptions,
-    without: Collection[str],
-    seed: int,
-    progress: Progress,
+    inquiry: Inquiry, before: Fitted, without: Collection[str], others: Sequence[ObjectModel], progress: Progress
 ) -> Search:
     """One search on the scale of the residuals `before`."""
+    observations, options = inquiry.observations, inquiry.options
     problem = linear_problem(before.residuals, before.jacobian, before.scale)
     progress("probe the effects", 0.0)
     probes = probe_effects(
@@ -256,7 +261,7 @@ def _judged(
         without=without,
         progress=lambda share: progress("probe the effects", 0.5 * share),
     )
-    ranking = rank(problem, probes, shams=options.shams, seed=seed)
+    ranking = rank(problem, probes, shams=options.shams, seed=inquiry.seed)
     law = find_law(observations, before.model, before.residuals, problem)
     judged = []
     shortlist = [each for each in ranking.ranked if each.held_out_gain >= WORTH_REFITTING][: options.shortlist]
@@ -267,9 +272,10 @@ def _judged(
                 observations,
                 before,
                 each,
+                others=others,
                 iterations=options.refit_iterations,
                 bootstraps=options.bootstraps,
-                seed=seed,
+                seed=inquiry.seed,
             )
         )
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}

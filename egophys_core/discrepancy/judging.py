@@ -69,31 +69,37 @@ def judge(
     before: Fitted,
     ranked: Ranked,
     *,
+    others: Sequence[ObjectModel],
     iterations: int,
     bootstraps: int,
     seed: int,
 ) -> Judged:
-    """Refit `before` jointly with an effect from its linear optimum, and hold both against left-out data."""
+    """Refit `before` jointly with an effect from its linear optimum, and hold both against left-out data.
+
+    Args:
+        others: twins without the effect at which the joint refit may start as well.
+    """
     name = ranked.probe.effect.name
     own = effect_knobs(effect_named(name))
     fitted = refit(
         observations,
-        _start(observations, before, ranked),
+        _start(observations, before, ranked, others),
         (*before.knobs, *own),
         iterations=iterations,
         scale=before.scale,
     )
     without = linear_problem(before.residuals, before.jacobian, before.scale)
     problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
-    # How much is asked anew of what was left out; where and when only nearby, as slopes go no farther.
-    nearby = [TRUST if knob.parameter.null is None else np.inf for knob in own]
-    reach = np.array([TRUST] * len(before.knobs) + nearby)
-    by_fold = _left_out(without, np.full(len(before.knobs), TRUST)) - _left_out(problem, reach)
-    # What is the object's stays as all episodes fitted it; only the effect has to be told from the other episodes.
-    alone = left_out_losses(
-        problem, trusted_columns(problem.base[:, len(before.knobs) :], np.array(nearby)), problem.episode
+    # What is the object's stays as all data fitted it, with the effect and without: slopes of the base, followed far
+    # when a stretch is left out, say more of their own errors than of the effect. How much of the effect there is, is
+    # asked of the other data anew; where and when it acts only nearby, as slopes go no farther.
+    reach = np.array([TRUST if knob.parameter.null is None else np.inf for knob in own])
+    effect = trusted_columns(problem.base[:, len(before.knobs) :], reach)
+    known = _by_block(without, losses(without.residual, without.scale))
+    by_fold, by_episode = (
+        known - _by_block(problem, left_out_losses(problem, effect, groups))
+        for groups in (problem.fold, problem.episode)
     )
-    by_episode = _by_block(without, losses(without.residual, without.scale)) - _by_block(problem, alone)
     count = len(observations)
     resampled = resampled_steps(problem, resamples=bootstraps, seed=seed)
     return Judged(
@@ -114,10 +120,13 @@ def judge(
     )
 
 
-def _start(observations: Sequence[Observation], before: Fitted, ranked: Ranked) -> ObjectModel:
+def _start(
+    observations: Sequence[Observation], before: Fitted, ranked: Ranked, others: Sequence[ObjectModel]
+) -> ObjectModel:
     """The best of some points on the way to the linear optimum, with and without the base's share, and of all starts.
 
-    An object that falls over where the real one lies still is far from anything linear.
+    An object that falls over where the real one lies still is far from anything linear; and what a twin without the
+    effect was bent to, to make up for it, may hold the effect back. So starts at `others` count as well.
     """
     effect = ranked.probe.effect
     knobs = effect_knobs(effect)
@@ -127,10 +136,12 @@ def _start(observations: Sequence[Observation], before: Fitted, ranked: Ranked) 
         values = _between(knobs, ranked.probe.null, ranked.values, share)
         for moved in (base, base + min(share, 1.0) * ranked.base_steps):
             models.append(with_effect(turned(before.model, before.knobs, moved), effect.name, values))
+        models.extend(with_effect(other, effect.name, values) for other in others)
     for start in effect.starts(surroundings(before.model, observations)):
         null = {**start, **{each.name: each.null for each in effect.parameters if each.null is not None}}
         for share in LEAPS:
-            models.append(with_effect(before.model, effect.name, _between(knobs, null, start, share)))
+            values = _between(knobs, null, start, share)
+            models.extend(with_effect(each, effect.name, values) for each in (before.model, *others))
     found = residuals(observations, models)
     scores = [robust_loss([each[row] for each in found], before.scale) for row in range(len(models))]
     return models[int(np.argmin(scores))]
@@ -145,16 +156,6 @@ def _between(knobs: Sequence[Knob], null: dict[str, float], there: dict[str, flo
         )
         for knob in knobs
     }
-
-
-def _left_out(problem: LinearProblem, reach: np.ndarray) -> np.ndarray:
-    """[blocks] losses on stretches that were left out, of steps within `reach` [D].
-
-    They are no less in sum than those of the refit, which has seen all: slopes that promise more are wrong there.
-    """
-    found = left_out_losses(problem, trusted_columns(problem.base, reach), problem.fold)
-    fitted = losses(problem.residual, problem.scale)
-    return _by_block(problem, found if found.sum() > fitted.sum() else fitted)
 
 
 def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.discrepancy.effects.effect import Action
+from egophys_core.discrepancy.innovations import innovations
 from egophys_core.discrepancy.observed import ObservedTracks, observed_tracks
 from egophys_core.discrepancy.observer import RATE, Pull
 from egophys_core.episode import Episode
@@ -151,7 +152,7 @@ def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
 
 
 def residuals(observations: Sequence[Observation], models: Sequence[ObjectModel]) -> list[np.ndarray]:
-    """Per episode [K, B, Q, 3] metres: the block means of each model's observer; infinite where it diverged."""
+    """Per episode [K, B, Q, 3] metres: the innovations of each model's observer; infinite where it diverged."""
     return _of_each(observations, lambda each: _means(each, *track_offsets(each, models)))
 
 
@@ -171,5 +172,6 @@ def _of_each(observations: Sequence[Observation], compute: Callable[[Observation
 
 def _means(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
     means = block_means(observation, offsets)
-    means[diverged] = np.inf
-    return means
+    found = np.full_like(means, np.inf)
+    found[~diverged] = innovations(means[~diverged])
+    return found

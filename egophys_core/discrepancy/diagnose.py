@@ -44,6 +44,9 @@ BASE_REFITS = 2
 FINER = 0.7
 """Of the scale of the residuals: where an effect leaves less, all are judged again by what it leaves."""
 
+MIMICS = 2
+"""Effects beyond the shortlist that are refitted because they mimic the best of it."""
+
 LEAST_MOTION_S = 1.0
 """Seconds of handling below which an episode says nothing."""
 
@@ -263,21 +266,30 @@ def _judged(
     )
     ranking = rank(problem, probes, shams=options.shams, seed=inquiry.seed)
     law = find_law(observations, before.model, before.residuals, problem)
-    judged = []
-    shortlist = [each for each in ranking.ranked if each.held_out_gain >= WORTH_REFITTING][: options.shortlist]
-    for index, each in enumerate(shortlist):
-        progress(f"refit with {each.probe.effect.name}", 0.55 + 0.45 * index / len(shortlist))
-        judged.append(
-            judge(
-                observations,
-                before,
-                each,
-                others=others,
-                iterations=options.refit_iterations,
-                bootstraps=options.bootstraps,
-                seed=inquiry.seed,
+    worth = [each for each in ranking.ranked if each.held_out_gain >= WORTH_REFITTING]
+
+    def refitted(chosen: Sequence[Ranked], begins: float) -> list[Judged]:
+        found = []
+        for index, each in enumerate(chosen):
+            progress(f"refit with {each.probe.effect.name}", begins + (1.0 - begins) * index / (len(chosen) + MIMICS))
+            found.append(
+                judge(
+                    observations,
+                    before,
+                    each,
+                    others=others,
+                    iterations=options.refit_iterations,
+                    bootstraps=options.bootstraps,
+                    seed=inquiry.seed,
+                )
             )
-        )
+        return found
+
+    judged = refitted(worth[: options.shortlist], 0.55)
+    best = max(judged, key=lambda each: each.gain, default=None)
+    if best is not None and best.gain >= LEAST_GAIN:
+        mimics = [each for each in worth[options.shortlist :] if each.probe.effect.name in best.mimics]
+        judged += refitted(mimics[:MIMICS], 0.85)
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}
     second = bool(before.model.effects)
     law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0

@@ -59,6 +59,11 @@ class Judged:
         return min(self.fitted_gain, self.held_out_gain)
 
     @property
+    def mimics(self) -> tuple[str, ...]:
+        """Effects that look like it."""
+        return effect_named(self.name).mimics
+
+    @property
     def values(self) -> dict[str, float]:
         """The fitted parameters."""
         return {name: each.value for name, each in self.parameters.items()}

@@ -33,6 +33,9 @@ LARGEST_P = 0.05
 RIVAL = 0.75
 """An effect that gains this share of the best one's gain is not told apart from it."""
 
+REFUTED = 0.2
+"""Share of an effect's gain that an episode, left out, may lose with it."""
+
 STRUCTURE_GAIN = 80.0
 """Held-out gain of a generic law, or of an effect that is not accepted, from which a residual is called structured."""
 
@@ -80,13 +83,18 @@ def acceptable(judged: Judged, p_null: float) -> bool:
         and differs_from_null(judged)
         and not at_bound(judged)
         and beyond_the_graph(judged)
-        and (judged.episodes_agree or (lost > 0.0).all() or judged.name not in OF_THE_SURROUNDINGS)
+        and (judged.episodes_agree or not refuted(judged) or judged.name not in OF_THE_SURROUNDINGS)
     )
+
+
+def refuted(judged: Judged) -> bool:
+    """Whether the size that the other episodes ask for makes one clearly worse; one that shows little of it may not."""
+    return bool((judged.episode_gains < -REFUTED * judged.gain).any())
 
 
 def needed(judged: Judged, others: Sequence[Judged]) -> float:
     """The gain that an effect needs beside others."""
-    alike = {judged.name, *effect_named(judged.name).mimics}
+    alike = {judged.name, *judged.mimics}
     crowd = [each for each in others if each.name not in alike and each.gain > CROWD * judged.gain]
     return CROWDED_GAIN if crowd else LEAST_GAIN
 

@@ -10,8 +10,8 @@ from egophys_core.discrepancy.effects.timing import LATEST, share_of_frame
 WINDOWS = 5
 """Parts of the time of contact in which a gust is searched."""
 
-FREQUENCIES_HZ = (0.25, 0.38, 0.57, 0.85, 1.3)
-"""Of the oscillations that are searched: some 1.5 apart, which a refit bridges."""
+FREQUENCIES_HZ = tuple(0.1 * tenths for tenths in range(2, 11))
+"""Of the oscillations that are searched: over five seconds neighbours differ by half a turn, which a refit bridges."""
 
 
 def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:

@@ -61,8 +61,9 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterati
     losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
     order = np.argsort(losses)
     scale = residual_scale([each[order[0]] for each in found])
+    clamped = observations[0].free
     first = [
-        refit(observations, models[row], base_knobs(models[row]), iterations=TRIAL_STEPS, scale=scale)
+        refit(observations, models[row], base_knobs(models[row], clamped=clamped), iterations=TRIAL_STEPS, scale=scale)
         for row in order[:FINALISTS]
     ]
     first.sort(key=lambda each: each.loss)

@@ -30,7 +30,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import episode_digest
 from egophys_core.options import to_mapping
-from egophys_core.twin import ObjectModel, Provenance, Twin
+from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
 
 Progress = Callable[[str, float], None]
 """Called with stage and share of the whole done (0..1); may raise to stop."""
@@ -43,6 +43,9 @@ BASE_REFITS = 2
 
 FINER = 0.7
 """Of the scale of the residuals: where an effect leaves less, all are judged again by what it leaves."""
+
+ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",)}
+"""Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
 
 MIMICS = 2
 """Effects beyond the shortlist that are refitted because they mimic the best of it."""
@@ -271,7 +274,7 @@ def _judged(
     def refitted(chosen: Sequence[Ranked], begins: float) -> list[Judged]:
         found = []
         for index, each in enumerate(chosen):
-            progress(f"refit with {each.probe.effect.name}", begins + (1.0 - begins) * index / (len(chosen) + MIMICS))
+            progress(f"refit with {each.name}", begins + (1.0 - begins) * index / (len(chosen) + MIMICS))
             found.append(
                 judge(
                     observations,
@@ -285,10 +288,11 @@ def _judged(
             )
         return found
 
-    judged = refitted(worth[: options.shortlist], 0.55)
+    chosen = {*(each.name for each in worth[: options.shortlist]), *ALWAYS[before.model.kind]}
+    judged = refitted([each for each in ranking.ranked if each.name in chosen], 0.55)
     best = max(judged, key=lambda each: each.gain, default=None)
     if best is not None and best.gain >= LEAST_GAIN:
-        mimics = [each for each in worth[options.shortlist :] if each.probe.effect.name in best.mimics]
+        mimics = [each for each in worth if each.name in {*best.mimics} - chosen]
         judged += refitted(mimics[:MIMICS], 0.85)
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}
     second = bool(before.model.effects)
@@ -309,7 +313,7 @@ def _candidates(first: Search) -> tuple[Candidate, ...]:
     ranking, refitted = first.ranking, {each.name: each for each in first.judged}
     found = []
     for linear in ranking.ranked:
-        name = linear.probe.effect.name
+        name = linear.name
         each: Ranked | Judged = refitted.get(name, linear)
         gain = each.gain if isinstance(each, Judged) else each.held_out_gain
         found.append(

@@ -84,7 +84,7 @@ def judge(
     Args:
         others: twins without the effect at which the joint refit may start as well.
     """
-    name = ranked.probe.effect.name
+    name = ranked.name
     own = effect_knobs(effect_named(name))
     fitted = refit(
         observations,
@@ -131,7 +131,7 @@ def _start(
     """The best of some points on the way to the linear optimum, with and without the base's share, and of all starts.
 
     An object that falls over where the real one lies still is far from anything linear; and what a twin without the
-    effect was bent to, to make up for it, may hold the effect back. So starts at `others` count as well.
+    effect was bent to, to make up for it, may hold the effect back. So that way is tried from `others` as well.
     """
     effect = ranked.probe.effect
     knobs = effect_knobs(effect)
@@ -145,8 +145,7 @@ def _start(
     for start in effect.starts(surroundings(before.model, observations)):
         null = {**start, **{each.name: each.null for each in effect.parameters if each.null is not None}}
         for share in LEAPS:
-            values = _between(knobs, null, start, share)
-            models.extend(with_effect(each, effect.name, values) for each in (before.model, *others))
+            models.append(with_effect(before.model, effect.name, _between(knobs, null, start, share)))
     found = residuals(observations, models)
     scores = [robust_loss([each[row] for each in found], before.scale) for row in range(len(models))]
     return models[int(np.argmin(scores))]

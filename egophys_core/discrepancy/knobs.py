@@ -8,6 +8,7 @@ import numpy as np
 
 from egophys_core.discrepancy.effects import Effect, Parameter, TwinEffect, effect_named
 from egophys_core.twin import ObjectKind, ObjectModel, SpringKind
+from egophys_core.twin.parameters import GRAVITY
 
 STIFFEST = 1e6
 """1/s^2, largest spring stiffness over node mass: a held toy may not sag where the real one does not."""
@@ -51,8 +52,12 @@ def turned(model: ObjectModel, knobs: Sequence[Knob], positions: np.ndarray) -> 
     return model
 
 
-def base_knobs(model: ObjectModel) -> tuple[Knob, ...]:
-    """The numbers every twin of this kind has, which are fitted with and without an effect."""
+def base_knobs(model: ObjectModel, *, clamped: bool) -> tuple[Knob, ...]:
+    """The numbers every twin of this kind has, which are fitted with and without an effect.
+
+    Args:
+        clamped: whether the object is held in a clamp, not by a hand: then how much it sags tells how stiff it is.
+    """
     node_mass = model.parameters.total_mass / len(model.graph.positions)
     top_damping = 5.0 if model.kind == ObjectKind.SHEET else 30.0
     # A template of a stiff material is built beyond these bounds; they then move with it.
@@ -67,7 +72,12 @@ def base_knobs(model: ObjectModel) -> tuple[Knob, ...]:
     ]
     if model.kind == ObjectKind.SHEET:
         return (*knobs, _springs_knob("bending stiffness", SpringKind.BENDING, 1.0 * node_mass, 1e5 * node_mass))
-    return (*knobs, _number("drag", 0.0, 20.0, step=0.2, unit="1/s"))
+    knobs.append(_number("drag", 0.0, 20.0, step=0.2, unit="1/s"))
+    if not clamped:
+        # A grip that is soft enough to turn in is too soft to carry: all toys sag too much in their twins. What a toy
+        # weighs, how stiff it is and how firmly it is held are one thing there: its sag is evidence for nothing.
+        knobs.append(_number("gravity", 0.5 * GRAVITY, 1.2 * GRAVITY, step=0.5, unit="m/s^2"))
+    return tuple(knobs)
 
 
 def effect_knobs(effect: Effect) -> tuple[Knob, ...]:

@@ -68,6 +68,11 @@ class Ranked:
     fitted_gain: float
     held_out_gain: float
 
+    @property
+    def name(self) -> str:
+        """The effect's."""
+        return self.probe.effect.name
+
 
 @dataclass(frozen=True, kw_only=True)
 class Ranking:

@@ -57,6 +57,11 @@ class Observation:
         return self.problem.episode
 
     @property
+    def free(self) -> bool:
+        """Whether nothing draws the twin to the tracks: few markers on an object in a clamp."""
+        return self.rate == 0
+
+    @property
     def rest(self) -> np.ndarray:
         """[P, 3] metres, the tracks before the first contact."""
         return np.asarray(np.nanmean(self.tracks.positions[: max(self.touched, 1)], axis=0))
@@ -127,7 +132,7 @@ def track_offsets(
 
 def _pulls(observation: Observation, batch: RolloutBatch) -> list[tuple[Action, ...]]:
     """Per rollout what draws it to the tracks: nothing in free rollouts."""
-    if observation.rate == 0:
+    if observation.free:
         return [()] * batch.count
     tracks, times, rate = observation.tracks, observation.problem.episode.times, observation.rate
     if batch.frames is None:

@@ -7,12 +7,13 @@ from egophys_core.discrepancy.effects import LIBRARY
 from egophys_core.discrepancy.knobs import base_knobs, effect_knobs, effect_values, with_effect
 from egophys_core.discrepancy.refit import refit, robust_loss
 from egophys_core.discrepancy.residuals import observe, residuals
+from tests.discrepancy.effects.situations import solid
 from tests.discrepancy.rehearsed import WIND, episodes, sheet
 
 
-@pytest.mark.parametrize("index", range(len(base_knobs(sheet()))))
+@pytest.mark.parametrize("index", range(len(base_knobs(sheet(), clamped=False))))
 def test_a_knob_reads_what_it_was_turned_to(index):
-    knob = base_knobs(sheet())[index]
+    knob = base_knobs(sheet(), clamped=False)[index]
     at = knob.position(sheet())
     assert knob.position(knob.to(sheet(), at + 1.0)) == pytest.approx(at + 1.0, abs=1e-4)
     far = knob.read(knob.to(sheet(), 1e6))
@@ -29,8 +30,16 @@ def test_a_force_comes_back_with_its_direction_and_size():
 
 def test_a_refit_never_ends_worse_than_it_began():
     observations = [observe(sheet(), episode) for episode in episodes(WIND)]
-    fitted = refit(observations, sheet(), base_knobs(sheet()), iterations=2)
+    fitted = refit(observations, sheet(), base_knobs(sheet(), clamped=False), iterations=2)
     start = [each[0] for each in residuals(observations, [sheet()])]
     assert fitted.loss <= robust_loss(start, fitted.scale) + 1e-6
-    assert [each.shape[-1] for each in fitted.jacobian] == [len(base_knobs(sheet()))] * 2
+    assert [each.shape[-1] for each in fitted.jacobian] == [len(base_knobs(sheet(), clamped=False))] * 2
     assert np.isfinite(fitted.jacobian[0]).any()
+
+
+def test_only_a_toy_in_a_hand_has_its_weight_fitted():
+    def names(model, clamped):
+        return {knob.parameter.name for knob in base_knobs(model, clamped=clamped)}
+
+    assert "gravity" in names(solid(), clamped=False)
+    assert "gravity" not in names(solid(), clamped=True) | names(sheet(), clamped=False)

@@ -20,6 +20,10 @@ LEAST_GAIN = 60.0
 CROWDED_GAIN = 75.0
 """Gain it must reach beside others that gain more than half as much."""
 
+FEW_PARAMETERS, PARAMETER_GAIN = 2, 10.0
+"""Each number of an effect beyond so many asks for so much more: what has a place, a time and a direction soaks up more
+of a mismatch (a force to and fro gained 80 in a towel without an effect that was pulled over the table)."""
+
 SECOND_GAIN = 100.0
 """Gain that an effect, or a structure, must reach beside a named one: what is left then is mismatch for the most part
 (a toy whose lump was named asked for a tether besides, with a gain of 79)."""
@@ -96,7 +100,8 @@ def needed(judged: Judged, others: Sequence[Judged]) -> float:
     """The gain that an effect needs beside others."""
     alike = {judged.name, *judged.mimics}
     crowd = [each for each in others if each.name not in alike and each.gain > CROWD * judged.gain]
-    return CROWDED_GAIN if crowd else LEAST_GAIN
+    freedom = max(0, len(judged.parameters) - FEW_PARAMETERS)
+    return (CROWDED_GAIN if crowd else LEAST_GAIN) + PARAMETER_GAIN * freedom
 
 
 def differs_from_null(judged: Judged) -> bool:

@@ -54,6 +54,15 @@ def test_beside_others_that_gain_alike_more_is_asked_for():
     assert (alone.outcome, crowded.outcome) == (Outcome.NAMED, Outcome.NONE)
 
 
+def test_an_effect_of_many_numbers_needs_more():
+    gain = LEAST_GAIN + 1.0
+    numbers = {name: Estimate(value=0.1, unit="1", ci95=(0.05, 0.2)) for name in ("x", "y", "z", "radius", "fraction")}
+    body = SimpleNamespace(model=sheet_model())
+    lump = replace(judged("anisotropy", gain), name="uneven_mass", parameters=numbers, fitted=body)
+    assert decide([lump], {"uneven_mass": 0.01}, 0.0, 2).outcome == Outcome.NONE
+    assert decide([judged("anisotropy", gain)], P, 0.0, 2).outcome == Outcome.NAMED
+
+
 def test_a_second_effect_needs_more():
     gain = 0.5 * (CROWDED_GAIN + SECOND_GAIN)
     verdict = decide([judged("control_delay", gain)], P, 0.0, 2, second=True)

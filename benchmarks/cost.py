@@ -4,11 +4,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from benchmarks.planted import FIT
 from benchmarks.yardstick import Yardstick
 from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.effects import LIBRARY
 from egophys_core.discrepancy.options import DiagnosisOptions
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import build_twin
 from egophys_core.rehearsal.options import Motion, RehearsalOptions
 from egophys_core.rehearsal.world import rehearse
 from egophys_core.twin import ObjectModel
@@ -20,7 +21,6 @@ POINTS, EPISODES, CANDIDATES = (90, 180, 350), (1, 2, 4), (6, 12, 24)
 """Each is varied while the others stay at these: 180 points, two episodes, all candidates."""
 
 MOTIONS = (Motion.LIFT, Motion.SHAKE, Motion.DOUBLE_LIFT, Motion.PULL)
-FIT = FitOptions(generations=6, dense_steps=0)
 
 
 def run() -> dict[str, Any]:

@@ -55,7 +55,8 @@ class Base:
 
 def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterations: int) -> Base:
     """The best of the twin and its variants, refitted; the first few tell only after some steps which it is."""
-    models = [*unfitted(model), *variants(model)]
+    own = [model, without_sag(model)] if model.kind == ObjectKind.SOLID else [model]
+    models = [*own, *variants(model)]
     found = residuals(observations, models)
     scale = residual_scale([each[0] for each in found])
     losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
@@ -71,12 +72,7 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterati
     fitted = refit(
         observations, best.model, best.knobs, iterations=iterations, scale=min(scale, residual_scale(best.residuals))
     )
-    return Base(fitted=fitted, others=[*unfitted(model), *(each.model for each in runners_up)])
-
-
-def unfitted(model: ObjectModel) -> list[ObjectModel]:
-    """The twin as it is, and with springs that carry its weight where it lies."""
-    return [model, without_sag(model)] if model.kind == ObjectKind.SOLID else [model]
+    return Base(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
 
 
 def variants(model: ObjectModel) -> list[ObjectModel]:

@@ -271,10 +271,10 @@ def _judged(
     law = find_law(observations, before.model, before.residuals, problem)
     worth = [each for each in ranking.ranked if each.held_out_gain >= WORTH_REFITTING]
 
-    def refitted(chosen: Sequence[Ranked], begins: float) -> list[Judged]:
+    def refitted(effects: Sequence[Ranked], begins: float) -> list[Judged]:
         found = []
-        for index, each in enumerate(chosen):
-            progress(f"refit with {each.name}", begins + (1.0 - begins) * index / (len(chosen) + MIMICS))
+        for index, each in enumerate(effects):
+            progress(f"refit with {each.name}", begins + (1.0 - begins) * index / (len(effects) + MIMICS))
             found.append(
                 judge(
                     observations,
@@ -292,7 +292,7 @@ def _judged(
     judged = refitted([each for each in ranking.ranked if each.name in chosen], 0.55)
     best = max(judged, key=lambda each: each.gain, default=None)
     if best is not None and best.gain >= LEAST_GAIN:
-        mimics = [each for each in worth if each.name in {*best.mimics} - chosen]
+        mimics = [each for each in worth if each.name in best.mimics and each.name not in chosen]
         judged += refitted(mimics[:MIMICS], 0.85)
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}
     second = bool(before.model.effects)

@@ -90,8 +90,10 @@ def refit(
     here = start.copy()
     for _ in range(iterations):
         steps = [_step(found, jacobian, scale, here - start, damping) for damping in DAMPINGS]
+        along = [*steps, *(LEAP * each for each in steps[:LEAPS])]
         across = [sign * ACROSS * each for each in np.eye(len(knobs)) for sign in (-1.0, 1.0)]
-        for group in ([*steps, *(LEAP * each for each in steps[:LEAPS])], across):
+        enough = _objective(found, scale, here - start) - LEAST_GAIN
+        for group in (along, across):
             trials = [turned(model, knobs, here + step) for step in group]
             positions = [np.array([knob.position(trial) for knob in knobs]) for trial in trials]
             results = residuals(observations, trials)
@@ -99,7 +101,7 @@ def refit(
                 _objective([each[row] for each in results], scale, positions[row] - start) for row in range(len(group))
             ]
             best = int(np.argmin(scores))
-            if scores[best] < _objective(found, scale, here - start) - LEAST_GAIN:
+            if scores[best] < enough:
                 break
         else:
             break

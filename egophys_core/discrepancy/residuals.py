@@ -1,4 +1,4 @@
-"""Residuals: what observers leave unexplained, as means over patches of the object and blocks of time.
+"""Residuals: what observers leave unexplained, as what is new in means over patches of the object and blocks of time.
 
 Means over a patch and a fifth of a second carry what missing physics does; what is left of the tracks' noise in them
 is a tenth of its size at a track.
@@ -158,7 +158,7 @@ def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
 
 def residuals(observations: Sequence[Observation], models: Sequence[ObjectModel]) -> list[np.ndarray]:
     """Per episode [K, B, Q, 3] metres: the innovations of each model's observer; infinite where it diverged."""
-    return _of_each(observations, lambda each: _means(each, *track_offsets(each, models)))
+    return _of_each(observations, lambda each: _new_in_blocks(each, *track_offsets(each, models)))
 
 
 def residuals_with(
@@ -166,7 +166,7 @@ def residuals_with(
 ) -> list[np.ndarray]:
     """As `residuals`, of one model with each of the actions in turn."""
     models, single = [model] * len(actions), [(action,) for action in actions]
-    return _of_each(observations, lambda each: _means(each, *track_offsets(each, models, actions=single)))
+    return _of_each(observations, lambda each: _new_in_blocks(each, *track_offsets(each, models, actions=single)))
 
 
 def _of_each(observations: Sequence[Observation], compute: Callable[[Observation], np.ndarray]) -> list[np.ndarray]:
@@ -175,7 +175,7 @@ def _of_each(observations: Sequence[Observation], compute: Callable[[Observation
         return list(pool.map(compute, observations))
 
 
-def _means(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
+def _new_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
     means = block_means(observation, offsets)
     found = np.full_like(means, np.inf)
     found[~diverged] = innovations(means[~diverged])

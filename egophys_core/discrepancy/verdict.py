@@ -184,11 +184,11 @@ def decide(
         )
     best_one = good[0]
     if near and not rivals:
-        refuted = ", ".join(each.name for each in near)
+        alike = ", ".join(each.name for each in near)
         return Verdict(
             outcome=Outcome.UNEXPLAINED,
             judged=(),
-            reason=f"{best_one.name} gains {best_one.gain:.0f}, but {refuted} gains about as much and is refuted: what "
+            reason=f"{best_one.name} gains {best_one.gain:.0f}, but {alike} gains about as much and is refuted: what "
             "they share is no evidence for either",
             experiment=experiment(best_one.name, episodes < 2),
         )

@@ -25,7 +25,7 @@ RESULT = Path(__file__).parent / "results/planted.json"
 FIT = FitOptions(generations=6, dense_steps=0)
 """A quick twin: the diagnosis refits it anyway."""
 
-DIAGNOSIS = DiagnosisOptions(shortlist=3, refit_iterations=4, shams=60, bootstraps=200)
+DIAGNOSIS = DiagnosisOptions(shortlist=3, shams=60, bootstraps=200)
 
 NONE_SETS = 20
 

@@ -249,14 +249,27 @@ def _search(
     if finest < FINER * before.scale:
         iterations = inquiry.options.refit_iterations
         before = refit(inquiry.observations, before.model, before.knobs, iterations=iterations, scale=finest)
-        found = _judged(inquiry, before, without, others, lambda stage, share: progress(stage, 0.6 + 0.4 * share))
+        again = {each.name for each in found.judged if each.gain >= WORTH_REFITTING}
+        found = _judged(
+            inquiry, before, without, others, lambda stage, share: progress(stage, 0.6 + 0.4 * share), also=again
+        )
     return found
 
 
 def _judged(
-    inquiry: Inquiry, before: Fitted, without: Collection[str], others: Sequence[ObjectModel], progress: Progress
+    inquiry: Inquiry,
+    before: Fitted,
+    without: Collection[str],
+    others: Sequence[ObjectModel],
+    progress: Progress,
+    *,
+    also: Collection[str] = (),
 ) -> Search:
-    """One search on the scale of the residuals `before`."""
+    """One search on the scale of the residuals `before`.
+
+    Args:
+        also: names of effects that are judged whatever the ranking says.
+    """
     observations, options = inquiry.observations, inquiry.options
     problem = linear_problem(before.residuals, before.jacobian, before.scale)
     progress("probe the effects", 0.0)
@@ -288,7 +301,7 @@ def _judged(
             )
         return found
 
-    chosen = {*(each.name for each in worth[: options.shortlist]), *ALWAYS[before.model.kind]}
+    chosen = {*(each.name for each in worth[: options.shortlist]), *ALWAYS[before.model.kind], *also}
     judged = refitted([each for each in ranking.ranked if each.name in chosen], 0.55)
     best = max(judged, key=lambda each: each.gain, default=None)
     if best is not None and best.gain >= LEAST_GAIN:

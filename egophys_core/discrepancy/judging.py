@@ -19,16 +19,20 @@ from egophys_core.discrepancy.linear import (
     resampled_steps,
     trusted_columns,
 )
-from egophys_core.discrepancy.ranking import Ranked, surroundings
+from egophys_core.discrepancy.ranking import Ranked, at_null
 from egophys_core.discrepancy.refit import Fitted, refit, robust_loss
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
 
-SHARES = (0.25, 0.5, 1.0, 1.5)
+SHARES = (0.25, 0.5, 1.0, 2.0)
 """Of the way to the linear optimum at which a refit may start; it lies short of or beyond the true one."""
 
 LEAPS = (-3.0, 3.0, 9.0)
-"""Times the size at which the search for an effect starts, from which a refit may start as well."""
+"""Times the size at which the search for an effect starts, from which a refit may start as well: slopes of a twin that
+has bent to make up for the effect tell its direction, but far too small a size, or none."""
+
+FINALISTS, TRIAL_STEPS = 3, 1
+"""Starts that are refitted, and by how many steps, before the best of them is refitted to the end."""
 
 ALIKE = 0.4
 """Share of an effect's size by which episodes may differ however small the errors: a twin is not that exact."""
@@ -46,8 +50,10 @@ class Judged:
     problem: LinearProblem
     fitted_gain: float
     held_out_gain: float
+    block_gains: np.ndarray
+    """[blocks of all episodes] held-out gain in each block of time."""
     gain_ci95: tuple[float, float]
-    """Of the held-out gain, over resampled blocks of time."""
+    """Of their sum, over resampled blocks."""
     episode_gains: np.ndarray
     """[E] held-out gain in each episode when it was left out as a whole; nan with one episode."""
     parameters: dict[str, Estimate]
@@ -86,13 +92,13 @@ def judge(
     """
     name = ranked.name
     own = effect_knobs(effect_named(name))
-    fitted = refit(
-        observations,
-        _start(observations, before, ranked, others),
-        (*before.knobs, *own),
-        iterations=iterations,
-        scale=before.scale,
-    )
+    knobs = (*before.knobs, *own)
+    trials = [
+        refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=before.scale)
+        for start in _starts(observations, before, ranked, others)[:FINALISTS]
+    ]
+    best = min(trials, key=lambda each: each.loss)
+    fitted = refit(observations, best.model, knobs, iterations=iterations, scale=before.scale)
     without = linear_problem(before.residuals, before.jacobian, before.scale)
     problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
     # What is the object's stays as all data fitted it, with the effect and without: slopes of the base, followed far
@@ -113,7 +119,8 @@ def judge(
         problem=problem,
         fitted_gain=before.loss - fitted.loss,
         held_out_gain=float(by_fold.sum()),
-        gain_ci95=_interval_of_sum(by_fold, bootstraps, seed),
+        block_gains=by_fold,
+        gain_ci95=interval_of_sum(by_fold, bootstraps, seed),
         episode_gains=np.array(
             [
                 by_episode[np.unique(problem.block[problem.episode == index])].sum() if count > 1 else np.nan
@@ -125,30 +132,41 @@ def judge(
     )
 
 
-def _start(
+def _starts(
     observations: Sequence[Observation], before: Fitted, ranked: Ranked, others: Sequence[ObjectModel]
-) -> ObjectModel:
-    """The best of some points on the way to the linear optimum, with and without the base's share, and of all starts.
+) -> list[ObjectModel]:
+    """The best point of each way to the effect, the best first.
 
     An object that falls over where the real one lies still is far from anything linear; and what a twin without the
-    effect was bent to, to make up for it, may hold the effect back. So that way is tried from `others` as well.
+    effect was bent to, to make up for it, may hold the effect back. So the way to the linear optimum is tried with and
+    without the base's share, from `others` as well, and beside it the ways to all starts of the effect.
     """
     effect = ranked.probe.effect
     knobs = effect_knobs(effect)
     base = np.array([knob.position(before.model) for knob in before.knobs])
-    models = []
-    for share in SHARES:
-        values = _between(knobs, ranked.probe.null, ranked.values, share)
-        for moved in (base, base + min(share, 1.0) * ranked.base_steps):
-            models.append(with_effect(turned(before.model, before.knobs, moved), effect.name, values))
-        models.extend(with_effect(other, effect.name, values) for other in others)
-    for start in effect.starts(surroundings(before.model, observations)):
-        null = {**start, **{each.name: each.null for each in effect.parameters if each.null is not None}}
-        for share in LEAPS:
-            models.append(with_effect(before.model, effect.name, _between(knobs, null, start, share)))
+    optima = [_between(knobs, ranked.probe.null, ranked.values, share) for share in SHARES]
+    ways = [
+        [
+            with_effect(turned(before.model, before.knobs, moved), effect.name, values)
+            for share, values in zip(SHARES, optima, strict=True)
+            for moved in (base, base + min(share, 1.0) * ranked.base_steps)
+        ],
+        *([with_effect(other, effect.name, values) for values in optima] for other in others),
+        *(
+            [
+                with_effect(before.model, effect.name, _between(knobs, at_null(effect, start), start, share))
+                for share in LEAPS
+            ]
+            for start in ranked.starts
+        ),
+    ]
+    way = np.repeat(np.arange(len(ways)), [len(each) for each in ways])
+    models = [model for each in ways for model in each]
     found = residuals(observations, models)
     scores = [robust_loss([each[row] for each in found], before.scale) for row in range(len(models))]
-    return models[int(np.argmin(scores))]
+    order = np.argsort(scores)
+    _, firsts = np.unique(way[order], return_index=True)
+    return [models[order[first]] for first in sorted(firsts)]
 
 
 def _between(knobs: Sequence[Knob], null: dict[str, float], there: dict[str, float], share: float) -> dict[str, float]:
@@ -167,7 +185,7 @@ def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:
     return np.bincount(problem.block, weights=values)
 
 
-def _interval_of_sum(values: np.ndarray, resamples: int, seed: int) -> tuple[float, float]:
+def interval_of_sum(values: np.ndarray, resamples: int, seed: int) -> tuple[float, float]:
     """95 % interval of a sum over blocks, resampled in runs of five (a second)."""
     generator = np.random.default_rng(seed)
     run = min(5, len(values))

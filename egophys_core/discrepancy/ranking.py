@@ -1,6 +1,6 @@
 """Ranking: which effects of the library could explain what a refitted twin leaves unexplained."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +25,9 @@ LEAST_SHIFT = 0.15
 
 SHAMMED = 8
 """Effects whose regressors are shifted for shams."""
+
+BEST_STARTS = 8
+"""Starts of an effect, the best by their slopes, from which refits may begin."""
 
 BATCH = 32
 """Probes that are simulated together: a bound on memory."""
@@ -61,6 +64,8 @@ class Ranked:
     """The best start of an effect, by the linear problem."""
 
     probe: Probe
+    starts: tuple[dict[str, float], ...]
+    """The effect's best starts, the probe's first, at most `BEST_STARTS`, their sizes turned to where slopes point."""
     values: dict[str, float]
     """Parameters at the linear optimum."""
     base_steps: np.ndarray
@@ -114,51 +119,76 @@ def probe_effects(
         progress: called with the share done.
     """
     around = surroundings(model, observations)
-    asked: list[tuple[Effect, dict[str, float], dict[str, float], tuple[str, ...]]] = []
-    models, owners = [], []
-    for effect in LIBRARY.values():
-        if effect.name in without:
-            continue
-        nulls = {each.name: each.null for each in effect.parameters if each.null is not None}
-        for start in effect.starts(around):
-            null = {**start, **nulls}
-            asked.append((effect, start, null, tuple(nulls)))
-            for name in nulls:
-                models.append(with_effect(model, effect.name, {**null, name: start[name]}))
-                owners.append(len(asked) - 1)
+    effects = [effect for effect in LIBRARY.values() if effect.name not in without]
+    simulated = {effect.name: simulated_starts(effect, around)[0] for effect in effects}
+    models = [
+        with_effect(model, effect.name, {**at_null(effect, start), name: start[name]})
+        for effect in effects
+        for start in simulated[effect.name]
+        for name in sizes_of(effect)
+    ]
     results: list[list[np.ndarray]] = [[] for _ in observations]
     for first in range(0, len(models), BATCH):
         for index, each in enumerate(residuals(observations, models[first : first + BATCH])):
             results[index].extend(each)
         progress(min(1.0, (first + BATCH) / len(models)))
-    rows: list[list[int]] = [[] for _ in asked]
-    for row, owner in enumerate(owners):
-        rows[owner].append(row)
+    rows = iter(range(len(models)))
+    probes = []
+    for effect in effects:
+        slopes = []
+        for start in simulated[effect.name]:
+            mine = [(next(rows), _steps(effect, name, start)) for name in sizes_of(effect)]
+            slopes.append(
+                [
+                    _finite(np.stack([(results[index][row] - base) / steps for row, steps in mine], axis=-1))
+                    for index, base in enumerate(found)
+                ]
+            )
+        probes.extend(_probes(effect, around, slopes))
+    return probes
+
+
+def _finite(slopes: np.ndarray) -> np.ndarray:
+    """Slopes, none where something diverged or is not seen."""
+    return np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
+
+
+def sizes_of(effect: Effect) -> tuple[str, ...]:
+    """The parameters that say how much of an effect there is."""
+    return tuple(each.name for each in effect.parameters if each.null is not None)
+
+
+def at_null(effect: Effect, start: Mapping[str, float]) -> dict[str, float]:
+    """A start with all sizes at null."""
+    return {**start, **{each.name: each.null for each in effect.parameters if each.null is not None}}
+
+
+def simulated_starts(effect: Effect, around: Surroundings) -> tuple[list[dict[str, float]], np.ndarray]:
+    """The starts that are simulated, and how much of each [S, K] is in each start of the effect."""
+    starts = effect.starts(around)
+    return effect.superposition(around, starts) if effect.superposition else (starts, np.eye(len(starts)))
+
+
+def _probes(effect: Effect, around: Surroundings, slopes: Sequence[Sequence[np.ndarray]]) -> list[Probe]:
+    """The probes of all starts, from the slopes of those that were simulated, per start and episode [B, Q, 3, C]."""
+    _, shares = simulated_starts(effect, around)
+    together = [np.stack(each) for each in zip(*slopes, strict=True)]
     return [
         Probe(
             effect=effect,
             start=start,
-            null=null,
-            sizes=sizes,
-            slopes=[
-                np.stack(
-                    [
-                        (results[index][row] - base) / _steps(effect, name, start, null)
-                        for row, name in zip(mine, sizes, strict=True)
-                    ],
-                    axis=-1,
-                )
-                for index, base in enumerate(found)
-            ],
+            null=at_null(effect, start),
+            sizes=sizes_of(effect),
+            slopes=[np.tensordot(share, each, axes=1) for each in together],
         )
-        for (effect, start, null, sizes), mine in zip(asked, rows, strict=True)
+        for start, share in zip(effect.starts(around), shares, strict=True)
     ]
 
 
-def _steps(effect: Effect, name: str, start: dict[str, float], null: dict[str, float]) -> float:
+def _steps(effect: Effect, name: str, start: Mapping[str, float]) -> float:
     """How many steps of a parameter lie between null and start."""
     knob = next(each for each in effect_knobs(effect) if each.parameter.name == name)
-    return knob.position_of(start[name]) - knob.position_of(null[name])
+    return knob.position_of(start[name]) - knob.position_of(at_null(effect, start)[name])
 
 
 def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: int) -> Ranking:
@@ -173,10 +203,13 @@ def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: i
         return float(base_loss - left_out_losses(problem, base.beside(columns), problem.fold).sum())
 
     chosen: list[tuple[Probe, float, float]] = []
-    for group in by_effect.values():
+    starts: dict[str, tuple[dict[str, float], ...]] = {}
+    for name, group in by_effect.items():
         columns = [probe.columns(problem.column(probe.slopes)) for probe in group]
         gains = [fitted_gain(problem, each) for each in columns]
-        best = int(np.argmax(gains))
+        order = np.argsort(gains)[::-1]
+        best = order[0]
+        starts[name] = tuple(_turned_start(problem, group[row]) for row in order[:BEST_STARTS])
         chosen.append((group[best], gains[best], held_out(columns[best])))
     # Shams of the starts that won: enough to say what a regressor of that shape gains by chance.
     generator = np.random.default_rng(seed)
@@ -191,6 +224,7 @@ def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: i
     ranked = [
         Ranked(
             probe=probe,
+            starts=starts[probe.effect.name],
             **_optimum(problem, probe),
             fitted_gain=gain,
             held_out_gain=held,
@@ -202,11 +236,31 @@ def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: i
 
 def _optimum(problem: LinearProblem, probe: Probe) -> dict[str, Any]:
     """The effect's parameters at the linear optimum, within bounds, and the steps of the base knobs to there."""
+    base_steps, steps = _optimal_steps(problem, probe)
+    return {"values": _moved(probe, steps), "base_steps": base_steps}
+
+
+def _turned_start(problem: LinearProblem, probe: Probe) -> dict[str, float]:
+    """The start with its sizes as large as they are, together, and in proportion as at the linear optimum."""
+    _, steps = _optimal_steps(problem, probe)
+    length = np.linalg.norm(steps)
+    if length == 0.0:
+        return probe.start
+    own = np.linalg.norm([_steps(probe.effect, name, probe.start) for name in probe.sizes])
+    return _moved(probe, steps * own / length)
+
+
+def _optimal_steps(problem: LinearProblem, probe: Probe) -> list[np.ndarray]:
+    """Steps [D] of the base knobs and [C] of the sizes at the linear optimum."""
     columns = base_columns(problem).beside(probe.columns(problem.column(probe.slopes)))
-    base_steps, steps = np.split(fit(problem.residual, columns, problem.scale), [problem.base.shape[1]])
+    return np.split(fit(problem.residual, columns, problem.scale), [problem.base.shape[1]])
+
+
+def _moved(probe: Probe, steps: np.ndarray) -> dict[str, float]:
+    """The effect's parameters so many steps [C] of its sizes from null."""
     values = dict(probe.null)
     for knob in effect_knobs(probe.effect):
         name = knob.parameter.name
         if name in probe.sizes:
             values[name] = knob.value_at(knob.position_of(probe.null[name]) + steps[probe.sizes.index(name)])
-    return {"values": values, "base_steps": base_steps}
+    return values

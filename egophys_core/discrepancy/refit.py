@@ -31,7 +31,7 @@ PRIOR_STEPS = 10.0
 LEAST_SCALE = 1e-3
 """Metres: no twin is better than this, and smaller residuals are no evidence."""
 
-LEAST_GAIN = 0.05
+LEAST_GAIN = 0.5
 """Improvement of the loss below which a refit ends."""
 
 

@@ -26,6 +26,7 @@ def judged(name: str, gain: float, **changes) -> Judged:
         "problem": SimpleNamespace(),
         "fitted_gain": gain,
         "held_out_gain": gain,
+        "block_gains": np.full(20, gain / 20),
         "gain_ci95": (0.5 * gain, 1.5 * gain),
         "episode_gains": np.array([gain / 2, gain / 2]),
         "parameters": {

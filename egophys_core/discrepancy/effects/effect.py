@@ -144,6 +144,11 @@ class Effect:
     starts: Callable[["Surroundings"], list[dict[str, float]]]
     """From where to search: all parameters, those that say how much at a small size, the others at places
     and times that cover what is possible."""
+    superposition: (
+        Callable[["Surroundings", list[dict[str, float]]], tuple[list[dict[str, float]], np.ndarray]] | None
+    ) = None
+    """For an effect whose load is a sum: its pieces, and how much of each [S, K] is in each of S starts. The pieces
+    are simulated in place of the starts, of which there may then be many."""
     load: LoadFunction | None = None
     adapt: Callable[[Values, Body], Body] | None = None
     drive: Callable[[Values, np.ndarray, np.ndarray], np.ndarray] | None = None

@@ -7,8 +7,8 @@ import numpy as np
 from egophys_core.discrepancy.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
 from egophys_core.discrepancy.effects.places import CORNERS, HORIZONTAL, spread
 
-SEARCH_RANGE = 0.5
-"""Range at the starts, over the larger horizontal size of the region in which the object was seen."""
+SEARCH_RANGES = (0.25, 0.5)
+"""Ranges at the starts, over the larger horizontal size of the region in which the object was seen."""
 
 
 def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
@@ -23,9 +23,10 @@ def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     """The middle and the corners of where the object was seen, at half its height."""
     low, high = surroundings.low, surroundings.high
-    reach = float(np.clip(SEARCH_RANGE * (high - low)[:2].max(), 0.02, 1.0))
+    size = float((high - low)[:2].max())
     return [
-        {"x": float(x), "y": float(y), "z": float(z), "strength": 0.5, "range": reach}
+        {"x": float(x), "y": float(y), "z": float(z), "strength": 0.5, "range": float(np.clip(share * size, 0.02, 1.0))}
+        for share in SEARCH_RANGES
         for x, y, z in spread(low, high, CORNERS, reach=0.8, axes=HORIZONTAL)
     ]
 

@@ -1,5 +1,6 @@
 """A force on all of the object for some time: a gust."""
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -7,11 +8,22 @@ import numpy as np
 from egophys_core.discrepancy.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
 from egophys_core.discrepancy.effects.timing import LATEST, share_of_frame
 
-WINDOWS = 5
-"""Parts of the time of contact in which a gust is searched."""
+PIECES = 12
+"""Parts of the time of contact that are simulated; gusts and oscillations are sums of them."""
+
+GUSTS = (1, 2, 4)
+"""Parts that a gust lasts for which is searched, beside one that lasts to the end."""
 
 FREQUENCIES_HZ = tuple(0.1 * tenths for tenths in range(2, 11))
 """Of the oscillations that are searched: over five seconds neighbours differ by half a turn, which a refit bridges."""
+
+PHASES = tuple(np.pi / 4 * eighths for eighths in range(4))
+"""Of those, in radians; half a turn more is the opposite force."""
+
+ONSETS = (0, 2, 4, 6)
+"""Parts after the first contact at which they begin."""
+
+SIZE = {"x": 0.5, "y": 0.5, "z": 0.5}
 
 
 def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
@@ -19,26 +31,49 @@ def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
     share = share_of_frame(scene, values["onset"], values["onset"] + values["duration"])
     if share == 0.0:
         return Load(), None
-    since = scene.time + 0.5 * scene.duration - values["onset"]
-    now = share * np.cos(2.0 * np.pi * values["frequency"] * since - values["phase"])
+    now = share * swing(values, scene.time + 0.5 * scene.duration)
     acceleration = now * np.array([values["x"], values["y"], values["z"]])
     return Load(acceleration=np.broadcast_to(acceleration, scene.positions.shape)), None
 
 
+def swing(values: Values, time: float | np.ndarray) -> Any:
+    """-1..1: the force at times, seconds, over its largest."""
+    return np.cos(2.0 * np.pi * values["frequency"] * (time - values["onset"]) - values["phase"])
+
+
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
-    """Gusts one after the other, from the first contact to the end, and oscillations all along."""
-    begins, lasts = surroundings.contact_begins, surroundings.end - surroundings.contact_begins
-    size = {"x": 0.5, "y": 0.5, "z": 0.5}
-    gusts: list[dict[str, float]] = [
-        {**size, "onset": begins + index * lasts / WINDOWS, "duration": lasts / WINDOWS, "frequency": 0.0, "phase": 0.0}
-        for index in range(WINDOWS)
-    ]
+    """Gusts one after the other, and oscillations from some time on to the end."""
+    times = _piece_times(surroundings)
+    steady = {"frequency": 0.0, "phase": 0.0}
+    spans = sorted({(first, min(first + count, PIECES)) for first in range(PIECES) for count in (*GUSTS, PIECES)})
+    gusts = [{**SIZE, **_window(times, first, last), **steady} for first, last in spans]
     oscillations = [
-        {**size, "onset": begins, "duration": lasts, "frequency": frequency, "phase": phase}
-        for frequency in FREQUENCIES_HZ
-        for phase in (0.0, np.pi / 2)
+        {**SIZE, **_window(times, onset, PIECES), "frequency": frequency, "phase": phase}
+        for onset, frequency, phase in product(ONSETS, FREQUENCIES_HZ, PHASES)
     ]
     return [*gusts, *oscillations]
+
+
+def superposition(
+    surroundings: Surroundings, starts: list[dict[str, float]]
+) -> tuple[list[dict[str, float]], np.ndarray]:
+    """Steady forces for a part of the time each; a start has of each its own mean over that part."""
+    times = _piece_times(surroundings)
+    pieces = [{**SIZE, **_window(times, index, index + 1), "frequency": 0.0, "phase": 0.0} for index in range(PIECES)]
+    fine = np.linspace(times[0], times[-1], 20 * PIECES, endpoint=False) + (times[1] - times[0]) / 40.0
+    shares = [
+        swing(start, fine) * ((fine > start["onset"]) & (fine < start["onset"] + start["duration"])) for start in starts
+    ]
+    return pieces, np.reshape(shares, (len(starts), PIECES, -1)).mean(axis=2)
+
+
+def _piece_times(surroundings: Surroundings) -> np.ndarray:
+    """[PIECES + 1] seconds: where the pieces begin and end."""
+    return np.linspace(surroundings.contact_begins, surroundings.end, PIECES + 1)
+
+
+def _window(times: np.ndarray, first: int, last: int) -> dict[str, float]:
+    return {"onset": float(times[first]), "duration": float(times[last] - times[first])}
 
 
 EFFECT = Effect(
@@ -56,5 +91,6 @@ EFFECT = Effect(
     mimics=("constant_body_force", "grasp_slip", "hidden_tether", "point_attraction"),
     experiment="repeat the same motion: a gust comes at another time, or not at all",
     starts=starts,
+    superposition=superposition,
     load=load,
 )

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from egophys_core.discrepancy.effects import LIBRARY
 from tests.discrepancy.effects.situations import (
     FRAME,
     centre_path,
@@ -10,6 +11,7 @@ from tests.discrepancy.effects.situations import (
     loads_of,
     run,
     sheet,
+    surroundings,
     with_effect,
 )
 
@@ -50,6 +52,25 @@ def test_a_force_to_and_fro_leaves_the_integral_of_its_sine():
     assert result.velocities[0, :, 0].mean() == pytest.approx(exact, rel=2e-3)
 
 
+def test_the_starts_of_a_force_that_comes_and_goes_are_sums_of_its_pieces():
+    """They leave a free body at the speed that the pieces leave it at, wherever a piece ends."""
+    around = surroundings(sheet())
+    effect = LIBRARY["time_varying_body_force"]
+    starts = effect.starts(around)
+    pieces, shares = effect.superposition(around, starts)
+    frames = np.arange(0.0, around.end, FRAME)
+
+    def speeds(values: dict[str, float]) -> np.ndarray:
+        scenes = [frame_scene([[0, 0, 0]], time=time) for time in frames]
+        loads = [load.acceleration for load in loads_of("time_varying_body_force", values, scenes)]
+        return FRAME * np.cumsum([0.0 if load is None else load[0, 0] for load in loads])
+
+    ends = [round((piece["onset"] + piece["duration"]) / FRAME) - 1 for piece in pieces]
+    of_pieces = np.array([speeds(piece) for piece in pieces])[:, ends]
+    for start, share in list(zip(starts, shares, strict=True))[::7]:
+        assert speeds(start)[ends] == pytest.approx(share @ of_pieces, abs=2e-3)
+
+
 def test_gravity_scale_scales_the_fall():
     result = run(with_effect(sheet(drag=0.0), "gravity_scale", scale=0.5))
     assert result.velocities[0, :, 2] == pytest.approx(-0.5 * G * 0.5, rel=1e-5)
@@ -82,11 +103,14 @@ def test_a_point_attracts_most_at_its_range_and_repels_with_the_other_sign():
     assert push == pytest.approx(-pull)
 
 
+AT_THE_MIDDLE = {"x": 0.0, "y": 0.0, "z": 0.0, "anchor_x": 0.0, "anchor_y": 0.0}
+
+
 def test_a_tether_holds_the_object_where_force_and_stretch_balance():
     # M a = M k (|d| - length): it comes to rest at length + a / k from where its tied place began.
     model = sheet(gravity=0.0, drag=4.0, stiffness=200.0, damping=0.1)
     model = with_effect(model, "constant_body_force", x=1.0, y=0.0, z=0.0)
-    tether = {"x": 0.0, "y": 0.0, "z": 0.0, "stiffness": 20.0, "length": 0.03}
+    tether = {**AT_THE_MIDDLE, "stiffness": 20.0, "length": 0.03}
     result = run(with_effect(model, "hidden_tether", **tether), duration=4.0)
     middle = result.positions[0][:, np.linalg.norm(result.positions[0, 0], axis=1) < 0.04].mean(axis=1)
     assert middle[-1] - middle[0] == pytest.approx([0.03 + 1.0 / 20.0, 0, 0], abs=1e-3)
@@ -95,19 +119,25 @@ def test_a_tether_holds_the_object_where_force_and_stretch_balance():
 def test_a_stiff_tether_swings_for_long_without_gaining():
     # Without any damping a load held from the frame's start would feed it.
     model = with_effect(sheet(gravity=0.0, drag=0.0, stiffness=100.0), "constant_body_force", x=1.0, y=0.0, z=0.0)
-    tether = {"x": 0.0, "y": 0.0, "z": 0.0, "stiffness": 100.0, "length": 0.0}
+    tether = {**AT_THE_MIDDLE, "stiffness": 100.0, "length": 0.0}
     way = centre_path(run(with_effect(model, "hidden_tether", **tether), duration=4.0))[:, 0]
     half = len(way) // 2
     assert np.ptp(way[half:]) < 1.02 * np.ptp(way[:half])
 
 
 def test_a_slack_tether_does_nothing():
-    values = {"x": 0.0, "y": 0.0, "z": 0.0, "stiffness": 20.0, "length": 0.05}
+    values = {**AT_THE_MIDDLE, "stiffness": 20.0, "length": 0.05}
     scenes = [frame_scene([[0, 0, height]]) for height in (0.0, 0.04, 0.06)]
     still, slack, taut = loads_of("hidden_tether", values, scenes)
     assert still.acceleration is None
     assert slack.acceleration is None
     assert taut.acceleration == pytest.approx(np.array([[0, 0, -20.0 * 0.01]]))
+
+
+def test_a_tether_pulls_towards_its_anchor_beside():
+    values = {**AT_THE_MIDDLE, "anchor_x": 0.3, "anchor_y": -0.4, "stiffness": 20.0, "length": 0.1}
+    pull = loads_of("hidden_tether", values, [frame_scene([[0, 0, 0]])])[0].acceleration
+    assert pull == pytest.approx(20.0 * (0.5 - 0.1) * np.array([[0.6, -0.8, 0.0]]))
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.3])

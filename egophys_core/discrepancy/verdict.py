@@ -11,7 +11,7 @@ import numpy as np
 
 from egophys_core.discrepancy.diagnosis import Outcome
 from egophys_core.discrepancy.effects import effect_named
-from egophys_core.discrepancy.judging import Judged
+from egophys_core.discrepancy.judging import Judged, interval_of_sum
 from egophys_core.twin import ObjectKind
 
 LEAST_GAIN = 60.0
@@ -34,8 +34,12 @@ CROWD = 0.5
 LARGEST_P = 0.05
 """Share of shams that may gain as much."""
 
-RIVAL = 0.75
-"""An effect that gains this share of the best one's gain is not told apart from it."""
+RIVAL, EQUAL = 0.75, 0.9
+"""An effect that gains `EQUAL` of the best one's gain is not told apart from it; one that gains `RIVAL` of it is if the
+difference, over blocks of time, may be chance."""
+
+RESAMPLES = 500
+"""Of the blocks, for that difference."""
 
 REFUTED = 0.2
 """Share of an effect's gain that an episode, left out, may lose with it."""
@@ -58,8 +62,16 @@ OF_THE_SURROUNDINGS = (
 worse, refute them. A lump's place and size make up for each other, and a grip slips as it was taken."""
 
 
-SPECIAL_CASES = {"constant_body_force": ("gravity_tilt", "gravity_scale")}
-"""Effects that another one contains: that the special case is refuted says nothing against the general one."""
+SPECIAL_CASES = {
+    "constant_body_force": ("gravity_tilt", "gravity_scale"),
+    "time_varying_body_force": ("constant_body_force", "gravity_tilt", "gravity_scale"),
+    "point_attraction": ("constant_body_force", "gravity_tilt", "gravity_scale"),
+}
+"""Effects that another one contains, or comes near to. That the special case is refuted says nothing against the
+general one, nor the other way round; of both the special one is named, unless the general one explains clearly more."""
+
+THE_SAME = {"constant_body_force", "gravity_tilt"}
+"""A horizontal force and tilted gravity are one thing: neither is the simpler."""
 
 OFFSETS = ("tracking_offset", "gripper_offset")
 """Effects that say where the hand was, against where it was recorded."""
@@ -100,8 +112,31 @@ def needed(judged: Judged, others: Sequence[Judged]) -> float:
     """The gain that an effect needs beside others."""
     alike = {judged.name, *judged.mimics}
     crowd = [each for each in others if each.name not in alike and each.gain > CROWD * judged.gain]
-    freedom = max(0, len(judged.parameters) - FEW_PARAMETERS)
-    return (CROWDED_GAIN if crowd else LEAST_GAIN) + PARAMETER_GAIN * freedom
+    return (CROWDED_GAIN if crowd else LEAST_GAIN) + freedom(judged)
+
+
+def freedom(judged: Judged) -> float:
+    """The gain that an effect's many numbers are asked for."""
+    return PARAMETER_GAIN * max(0, len(judged.parameters) - FEW_PARAMETERS)
+
+
+def akin(one: str, other: str) -> bool:
+    """Whether one effect contains the other."""
+    return other in SPECIAL_CASES.get(one, ()) or one in SPECIAL_CASES.get(other, ())
+
+
+def beaten(judged: Judged, best: Judged) -> bool:
+    """Whether an effect explains clearly less than the best."""
+    if judged.gain < RIVAL * best.gain:
+        return True
+    low, _ = interval_of_sum(best.block_gains - judged.block_gains, RESAMPLES, seed=0)
+    return judged.gain < EQUAL * best.gain and low > 0.0
+
+
+def needless(judged: Judged, good: Sequence[Judged]) -> bool:
+    """Whether a special case of an effect explains about as much."""
+    special = [each for each in good if each.name in SPECIAL_CASES.get(judged.name, ())]
+    return any({judged.name, each.name} != THE_SAME and not beaten(each, judged) for each in special)
 
 
 def differs_from_null(judged: Judged) -> bool:
@@ -161,12 +196,13 @@ def decide(
         for each in ordered
         if acceptable(each, p_null[each.name]) and each.gain >= max(least, needed(each, ordered))
     ]
-    near = [each for each in ordered if good and each is not good[0] and each.gain >= RIVAL * good[0].gain]
+    good = [each for each in good if not needless(each, good)]
+    near = [each for each in ordered if good and each is not good[0] and not beaten(each, good[0])]
     rivals = [each for each in near if any(each is other for other in good)]
-    near = [each for each in near if each.name not in SPECIAL_CASES.get(good[0].name, ())]
+    near = [each for each in near if not akin(each.name, good[0].name)]
     if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.
-        best = max([law_gain, *(each.gain for each in ordered if p_null[each.name] <= LARGEST_P)])
+        best = max([law_gain, *(each.gain - freedom(each) for each in ordered if p_null[each.name] <= LARGEST_P)])
         if best >= max(STRUCTURE_GAIN, least):
             return Verdict(
                 outcome=Outcome.UNEXPLAINED,

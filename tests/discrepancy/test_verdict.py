@@ -143,6 +143,34 @@ def test_a_refuted_special_case_does_not_refute_the_general_one():
     assert [each.name for each in verdict.judged] == ["constant_body_force"]
 
 
+def attraction_and_scale(excess: float) -> list[Judged]:
+    """Attraction to a point, which gains so much more than what it contains, another scale of gravity."""
+    towel = SimpleNamespace(model=sheet_model())
+    numbers = {name: Estimate(value=0.5, unit="1", ci95=(0.4, 0.6)) for name in ("x", "y", "z", "strength", "range")}
+    scale = {"scale": Estimate(value=0.6, unit="1", ci95=(0.5, 0.7))}
+    found = judged("quadratic_drag", CLEAR)
+    general = judged("quadratic_drag", CLEAR + excess)
+    return [
+        replace(general, name="point_attraction", parameters=numbers, fitted=towel),
+        replace(found, name="gravity_scale", parameters=scale, fitted=towel),
+    ]
+
+
+@pytest.mark.parametrize(("excess", "named"), [(0.05 * CLEAR, "gravity_scale"), (0.5 * CLEAR, "point_attraction")])
+def test_a_general_effect_is_named_only_if_it_explains_clearly_more_than_its_special_case(excess, named):
+    verdict = decide(attraction_and_scale(excess), {"point_attraction": 0.01, "gravity_scale": 0.01}, 0.0, 2)
+    assert (verdict.outcome, [each.name for each in verdict.judged]) == (Outcome.NAMED, [named])
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_a_lead_that_lasts_over_the_blocks_is_clear_and_one_block_is_not(steady):
+    gain = 0.8 * CLEAR
+    lead = np.full(20, 0.01 * CLEAR) if steady else np.eye(20)[0] * 0.2 * CLEAR
+    best = judged("quadratic_drag", CLEAR, block_gains=gain / 20 + lead)
+    verdict = decide([best, judged("control_delay", gain)], P, 0.0, 2)
+    assert verdict.outcome == (Outcome.NAMED if steady else Outcome.AMBIGUOUS)
+
+
 @pytest.mark.parametrize(("up", "kind", "named"), [(2.6, "solid", 0), (0.5, "solid", 1), (2.6, "sheet", 1)])
 def test_a_toy_that_sags_less_than_its_twin_is_not_pulled_up(up, kind, named):
     force = {

@@ -26,7 +26,8 @@ of a mismatch (a force to and fro gained 80 in a towel without an effect that wa
 
 SECOND_GAIN = 100.0
 """Gain that an effect, or a structure, must reach beside a named one: what is left then is mismatch for the most part
-(a toy whose lump was named asked for a tether besides, with a gain of 79)."""
+(a toy whose lump was named asked for a tether besides, with a gain of 79; one that slips, for a lump, with 216, which
+made one of its episodes worse). So it must help in every episode that is left out, too."""
 
 CROWD = 0.5
 """Share of an effect's gain from which another, which does not mimic it, makes a crowd."""
@@ -194,7 +195,9 @@ def decide(
     good = [
         each
         for each in ordered
-        if acceptable(each, p_null[each.name]) and each.gain >= max(least, needed(each, ordered))
+        if acceptable(each, p_null[each.name])
+        and each.gain >= max(least, needed(each, ordered))
+        and (not second or bool((each.episode_gains > 0.0).all()))
     ]
     good = [each for each in good if not needless(each, good)]
     near = [each for each in ordered if good and each is not good[0] and not beaten(each, good[0])]

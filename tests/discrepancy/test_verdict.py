@@ -70,6 +70,14 @@ def test_a_second_effect_needs_more():
     assert verdict.outcome == Outcome.NONE
 
 
+@pytest.mark.parametrize(
+    ("second", "outcome"), [(False, Outcome.NAMED), (True, Outcome.UNEXPLAINED)], ids=["alone", "beside another"]
+)
+def test_a_second_effect_must_help_in_every_episode(second, outcome):
+    one_sided = judged("control_delay", 2 * SECOND_GAIN, episode_gains=np.array([3.0, -0.1]) * SECOND_GAIN)
+    assert decide([one_sided], P, 0.0, 2, second=second).outcome == outcome
+
+
 def test_little_gain_is_no_effect():
     verdict = decide([judged("quadratic_drag", 0.5 * LEAST_GAIN)], P, 0.0, 2)
     assert (verdict.outcome, verdict.judged) == (Outcome.NONE, ())

@@ -8,7 +8,7 @@ from typing import Any
 from rich.markup import escape
 
 from egophys_core.cli.display import print_json, print_table, progress_bar
-from egophys_core.cli.marker_arguments import add_load_argument, loads_from
+from egophys_core.cli.marker_arguments import add_load_argument, loads_from, refuse_loads
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.discrepancy.diagnose import Finding, Progress, diagnose, diagnose_observed
 from egophys_core.discrepancy.diagnosis import Diagnosis, Outcome
@@ -17,8 +17,7 @@ from egophys_core.discrepancy.markers import effects_untold, observe_markers
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.saving import EFFECT_TEXTS, require_new_folder, save_finding
 from egophys_core.episode import Episode
-from egophys_core.errors import OptionsError
-from egophys_core.identification.markers import MOST_MARKERS, is_sparse
+from egophys_core.identification.markers import is_sparse
 from egophys_core.recording import read_episode
 from egophys_core.reporting import figures, headline, millimetres
 from egophys_core.twin import Twin, load_twin
@@ -73,9 +72,8 @@ def run(parsed: argparse.Namespace) -> int:
         if all(is_sparse(each) for each in (*episodes, *others)):
             loads = loads_from(parsed.load, [each.name for each in (*episodes, *others)])
             finding = _diagnose_markers(parsed, twin, episodes, others, loads, options, report)
-        elif parsed.load:
-            raise OptionsError(f"--load is for recordings of at most {MOST_MARKERS} points; leave it out")
         else:
+            refuse_loads(parsed.load)
             finding = diagnose(
                 twin, episodes, options, report_on=others, without=parsed.without, seed=parsed.seed, progress=report
             )

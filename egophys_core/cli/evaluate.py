@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 
 from egophys_core.cli.display import print_json, print_scores, print_table
-from egophys_core.evaluation import Scores, baseline_scores
-from egophys_core.identification import contact_flags, evaluate_twin, find_hands
+from egophys_core.cli.marker_arguments import add_load_argument, load_of
+from egophys_core.evaluation import Scores, baseline_scores, score
+from egophys_core.identification import observed_contacts, place_twin, predict
 from egophys_core.recording import read_episode
 from egophys_core.twin import load_twin
 
@@ -17,14 +18,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the subcommand."""
     parser.add_argument("twin", type=Path, metavar="TWIN")
     parser.add_argument("episode", type=Path, metavar="EPISODE", help=".mcap file or rosbag2 folder")
+    add_load_argument(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
 
 
 def run(parsed: argparse.Namespace) -> int:
     """Evaluate and print."""
     twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
-    scores, _ = evaluate_twin(twin, episode)
-    baselines = baseline_scores(episode, contact_flags(episode, find_hands(episode)))
+    problem = place_twin(twin, episode, load=load_of(parsed.load, episode))
+    scores = score(predict(twin.model, problem), twin.model.graph.surface, problem.episode)
+    baselines = baseline_scores(problem.episode, observed_contacts(problem))
     if parsed.json:
         print_json(
             {

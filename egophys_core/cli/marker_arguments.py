@@ -4,9 +4,10 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from egophys_core.episode import Episode
 from egophys_core.errors import OptionsError
 from egophys_core.identification.marker_fit import DENSITY
-from egophys_core.identification.markers import MOST_MARKERS
+from egophys_core.identification.markers import MOST_MARKERS, is_sparse
 
 
 def add_marker_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,3 +50,24 @@ def loads_from(given: Sequence[str], names: Sequence[str]) -> dict[str, float]:
         except ValueError as error:
             raise OptionsError(f"--load {text}: {newtons!r} is not a number of newtons") from error
     return loads
+
+
+def load_of(given: Sequence[str], episode: Episode) -> float:
+    """Newtons that hang in one episode, 0 unless said.
+
+    Raises:
+        OptionsError: of a wrong form, or for an object that is seen all over.
+    """
+    if not is_sparse(episode):
+        refuse_loads(given)
+    return loads_from(given, [episode.name]).get(episode.name, 0.0)
+
+
+def refuse_loads(given: Sequence[str]) -> None:
+    """Check that no weight is given for an object that is seen all over.
+
+    Raises:
+        OptionsError: one is.
+    """
+    if given:
+        raise OptionsError(f"--load is for recordings of at most {MOST_MARKERS} points; leave it out")

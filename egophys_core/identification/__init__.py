@@ -10,6 +10,7 @@ from egophys_core.identification.build import (
 )
 from egophys_core.identification.contact import Contact, Hand, contact_flags, find_hands
 from egophys_core.identification.options import FitOptions, KindChoice
+from egophys_core.identification.placing import observed_contacts, place_twin
 from egophys_core.identification.problem import FitProblem, prepare
 
 __all__ = [
@@ -25,6 +26,8 @@ __all__ = [
     "evaluate_twin",
     "find_hands",
     "first_grasp",
+    "observed_contacts",
+    "place_twin",
     "predict",
     "prepare",
 ]

@@ -15,6 +15,7 @@ from egophys_core.identification.coarse import fit_coarse
 from egophys_core.identification.contact import find_hands
 from egophys_core.identification.dense import fit_dense
 from egophys_core.identification.options import FitOptions
+from egophys_core.identification.placing import place_twin
 from egophys_core.identification.problem import FitProblem, prepare
 from egophys_core.identification.rest_shape import rest_shape
 from egophys_core.options import to_mapping
@@ -105,12 +106,9 @@ def predict(model: ObjectModel, problem: FitProblem) -> np.ndarray:
 
 def evaluate_twin(twin: Twin, episode: Episode) -> tuple[Scores, np.ndarray]:
     """Errors of a twin on an episode of its object, and the predicted nodes [T, N, 3] in metres."""
-    require_fittable(episode)
-    graph = twin.model.graph
-    spacing = float(np.median(graph.rest_lengths))
-    problem = prepare(episode, graph.positions, graph.surface, spacing=spacing)
+    problem = place_twin(twin, episode)
     predicted = predict(twin.model, problem)
-    return score(predicted, graph.surface, episode), predicted
+    return score(predicted, twin.model.graph.surface, problem.episode), predicted
 
 
 def first_grasp(problem: FitProblem) -> np.ndarray:

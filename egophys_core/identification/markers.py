@@ -37,6 +37,9 @@ RELEASED_M = 0.004
 RELEASED_WITHIN = 0.1
 """Seconds after the start: what begins to move later was not held back at the start."""
 
+OWN_MARKERS = 0.01
+"""Metres within which the last nodes of a twin of markers lie where it was built from them."""
+
 NO_TABLE = 10.0
 """Metres below the lowest marker."""
 
@@ -134,12 +137,13 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     count, markers = episode.controllers.shape[1], episode.points.shape[1]
     nodes = model.graph.positions.astype(np.float64)
     held, tracks = episode.controllers[0].astype(np.float64), episode.points[0].astype(np.float64)
-    if len(grasp) <= count + markers or len(nodes) <= markers or not np.isfinite(tracks).all():
+    known = count + markers
+    own = len(grasp) > known and np.allclose(nodes[-markers:], grasp[count:known], atol=OWN_MARKERS)
+    if not own or not np.isfinite(tracks).all():
         raise EpisodeError(
             f"{episode.name}: the twin needs its {markers} markers in view in the first frame and its {count} held "
             "points; is it a twin of these markers (egophys build --template)?"
         )
-    known = count + markers
     turn, shift = rigid_fit(grasp[:known].astype(np.float64), np.concatenate([held, tracks]))
     placed, clamped = nodes @ turn.T + shift, grasp[known:].astype(np.float64) @ turn.T + shift
     onset = find_onset(episode)

@@ -9,6 +9,7 @@ from egophys_core.discrepancy.markers import effects_untold, observe_markers
 from egophys_core.discrepancy.residuals import block_means, track_offsets
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError
+from egophys_core.identification import evaluate_twin, observed_contacts, place_twin
 from egophys_core.identification.marker_fit import (
     MarkerFit,
     MarkerSearch,
@@ -96,6 +97,30 @@ def test_free_rollout_from_the_turn_follows_the_swing(cantilever: tuple[MarkerBo
     swing = np.ptp(episode.points[:, :, 2].mean(axis=1))
     # Bent by its markers it is not quite as gravity bent it, and higher modes are not at rest.
     assert np.nanmax(np.abs(found)) < 0.05 * swing
+
+
+def test_a_twin_is_evaluated_at_its_markers(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    body, model, episode = cantilever
+    scores, predicted = evaluate_twin(twin_of(body, model), episode)
+    assert predicted.shape[1] == len(body.graph.positions)
+    swing = float(np.ptp(episode.points[:, :, 2].mean(axis=1)))
+    assert scores.all_track_m < 0.05 * swing
+
+
+def test_the_clamp_of_markers_holds_all_the_time(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    body, model, episode = cantilever
+    contacts = observed_contacts(place_twin(twin_of(body, model), episode))
+    assert contacts.shape[1] == len(HELD)
+    assert (contacts == ContactKind.HOLD).all()
+
+
+def test_a_twin_of_something_else_has_no_place_at_the_markers(
+    cantilever: tuple[MarkerBody, ObjectModel, Episode],
+) -> None:
+    body, model, episode = cantilever
+    other = replace(twin_of(body, model), grasp=body.grasp + np.float32(0.1))
+    with pytest.raises(EpisodeError, match="is it a twin of these markers"):
+        place_twin(other, episode)
 
 
 def test_true_stiffness_beats_its_neighbours(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:

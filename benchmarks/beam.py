@@ -21,7 +21,7 @@ LOADS = {"gravity.mcap": 0.0, "load52.mcap": 0.510, "load101.mcap": 1.001}
 """N at the tip."""
 
 HELD_OUT = "load101.mcap"
-OPTIONS = DiagnosisOptions(refit_iterations=8, shortlist=5)
+OPTIONS = DiagnosisOptions(shortlist=5)
 
 
 def run() -> dict[str, Any]:

@@ -16,7 +16,7 @@ from egophys_core.errors import EpisodeError, OptionsError, TwinError
 from egophys_core.evaluation import score
 from egophys_core.identification.build import episode_digest, predict
 from egophys_core.identification.checks import require_fittable
-from egophys_core.identification.markers import MarkerBody, marker_body, pitched, place_markers
+from egophys_core.identification.markers import MarkerBody, marker_body, place_markers, turned
 from egophys_core.identification.problem import FitProblem
 from egophys_core.identification.template import Template, stiffness_of_modulus
 from egophys_core.simulation import batch_of_models, rollout
@@ -46,8 +46,8 @@ NEAR = np.geomspace(0.75, 1.33, 32)
 DAMPING_S = 1e-5
 """Seconds, first guess of dashpot over spring. Dashpots act on all relative motion, so a slender body's turning too."""
 
-STEPS = (0.05, 0.7, 1.0, 0.005)
-"""First steps of the refinement in the logarithms of stiffness and damping, in drag (1/s) and pitch (rad)."""
+STEPS = (0.05, 0.7, 1.0, 0.005, 0.005)
+"""First steps of the refinement in the logarithms of stiffness and damping, in drag (1/s), pitch and yaw (rad)."""
 
 REFINEMENTS = 30
 """Rounds; one without a better neighbour halves the steps."""
@@ -108,6 +108,7 @@ def build_marker_twin(
                 "loads": hung,
                 "assumed": list(body.notes),
                 "pitch_rad": fit.pitch,
+                "yaw_rad": fit.yaw,
                 "rmse_m": fit.error,
             },
             seed=0,
@@ -142,6 +143,8 @@ class MarkerFit:
     """The model in each episode."""
     pitch: float
     """rad, by which the template points higher than its placement says."""
+    yaw: float
+    """rad, by which it points farther to its left."""
     error: float = np.inf
     """Root mean square distance of the markers in all train frames, metres."""
 
@@ -154,10 +157,10 @@ class MarkerSearch:
         self.node_mass = density * body.spacing**3
 
     def at(self, numbers: np.ndarray) -> MarkerFit:
-        """Of numbers [4]: log stiffness over node mass, log damping over stiffness, drag (1/s) and pitch (rad)."""
-        rate, time, drag, pitch = (float(number) for number in numbers)
+        """Of numbers [5]: log stiffness over node mass, log damping over stiffness, drag (1/s), pitch and yaw (rad)."""
+        rate, time, drag, pitch, yaw = (float(number) for number in numbers)
         first = self.episodes[0]
-        body = pitched(self.body, first.controllers.shape[1] + first.points.shape[1], pitch)
+        body = turned(self.body, first.controllers.shape[1] + first.points.shape[1], pitch=pitch, yaw=yaw)
         stiffness = float(np.exp(rate)) * self.node_mass
         model = marker_model(
             body,
@@ -169,10 +172,10 @@ class MarkerSearch:
         problems = [
             place_markers(model, body.grasp, each, load=self.loads.get(each.name, 0.0)) for each in self.episodes
         ]
-        return MarkerFit(model=model, grasp=body.grasp, problems=tuple(problems), pitch=pitch)
+        return MarkerFit(model=model, grasp=body.grasp, problems=tuple(problems), pitch=pitch, yaw=yaw)
 
     def best(self, candidates: np.ndarray) -> tuple[np.ndarray, float]:
-        """The best of numbers [K, 4], and its error in metres.
+        """The best of numbers [K, 5], and its error in metres.
 
         Raises:
             TwinError: all rollouts diverged.
@@ -248,5 +251,5 @@ def marker_errors(fits: Sequence[MarkerFit]) -> np.ndarray:
 
 
 def _numbers(rates: np.ndarray, time: float, drag: float) -> np.ndarray:
-    """[K, 4] numbers of several stiffness rates."""
-    return np.stack([rates, *(np.full(len(rates), each) for each in (np.log(time), drag, 0.0))], axis=1)
+    """[K, 5] numbers of several stiffness rates."""
+    return np.stack([rates, *(np.full(len(rates), each) for each in (np.log(time), drag, 0.0, 0.0))], axis=1)

@@ -40,6 +40,9 @@ RELEASED_WITHIN = 0.1
 OWN_MARKERS = 0.01
 """Metres within which the last nodes of a twin of markers lie where it was built from them."""
 
+WIDE = 0.005
+"""Metres that held points lie away from one line, from which they alone tell how a clamp is turned."""
+
 NO_TABLE = 10.0
 """Metres below the lowest marker."""
 
@@ -124,8 +127,9 @@ def clamp_groups(held: np.ndarray) -> list[np.ndarray]:
 def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, load: float = 0.0) -> FitProblem:
     """A twin of markers in an episode of its object.
 
-    It is placed by the held points and the markers of frame 0 as one rigid body. If it is let go at the start its
-    episode begins where its swing first turns, and it begins bent as the markers say.
+    It is placed by its held points if they tell how a clamp is turned: a hand that still holds it back in frame 0
+    bends it. Fewer of them tell it together with the markers of frame 0, as one rigid body. If it is let go at the
+    start its episode begins where its swing first turns, and it begins bent as the markers say.
 
     Args:
         grasp: of the twin, as in `MarkerBody`.
@@ -144,7 +148,8 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
             f"{episode.name}: the twin needs its {markers} markers in view in the first frame and its {count} held "
             "points; is it a twin of these markers (egophys build --template)?"
         )
-    turn, shift = rigid_fit(grasp[:known].astype(np.float64), np.concatenate([held, tracks]))
+    seen = held if _spread(held) > WIDE else np.concatenate([held, tracks])
+    turn, shift = rigid_fit(grasp[: len(seen)].astype(np.float64), seen)
     placed, clamped = nodes @ turn.T + shift, grasp[known:].astype(np.float64) @ turn.T + shift
     onset = find_onset(episode)
     shown = _from_onset(episode, onset)
@@ -167,6 +172,13 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
             payload=_payload(placed, markers, clamped, load / GRAVITY) if load else None,
         ),
     )
+
+
+def _spread(points: np.ndarray) -> float:
+    """Metres by which points [P, 3] lie away from one line, root mean square; 0 for fewer than three."""
+    if len(points) < 3:
+        return 0.0
+    return float(np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(points)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,17 +234,19 @@ def _from_onset(episode: Episode, onset: Onset) -> Episode:
     )
 
 
-def pitched(body: MarkerBody, known: int, angle: float) -> MarkerBody:
-    """The body turned about its clamp, upward for a positive angle, rad; the first `known` points of its grasp stay.
+def turned(body: MarkerBody, known: int, *, pitch: float, yaw: float) -> MarkerBody:
+    """The body turned about its clamp, upward for a positive pitch and to its left for a positive yaw, rad.
 
-    Held points tell where a clamp is, and not to a degree how what it holds points.
+    Held points tell where a clamp is, and not to a degree how what it holds points. The first `known` points of its
+    grasp, which were recorded, stay.
     """
     clamp = body.grasp[known:].astype(np.float64)
     middle = clamp.mean(axis=0)
     along = (body.graph.positions - middle).mean(axis=0)
     level = np.array([along[1], -along[0], 0.0])
     level /= max(float(np.linalg.norm(level)), 1e-9)
-    turn = Rotation.from_rotvec(angle * level).as_matrix()
+    up = np.cross(level, along) / np.linalg.norm(along)
+    turn = (Rotation.from_rotvec(pitch * level) * Rotation.from_rotvec(yaw * up)).as_matrix()
     nodes = (body.graph.positions - middle) @ turn.T + middle
     grasp = np.concatenate([body.grasp[:known], (clamp - middle) @ turn.T + middle])
     return replace(

@@ -17,7 +17,7 @@ from egophys_core.identification.marker_fit import (
     marker_errors,
     marker_model,
 )
-from egophys_core.identification.markers import MarkerBody, find_onset, marker_body, place_markers
+from egophys_core.identification.markers import MarkerBody, find_onset, marker_body, place_markers, turned
 from egophys_core.identification.template import parse_template
 from egophys_core.simulation import ContactKind, Controls, batch_of_models, rollout
 from egophys_core.twin import ObjectModel, Provenance, Twin
@@ -126,10 +126,34 @@ def test_a_twin_of_something_else_has_no_place_at_the_markers(
 def test_true_stiffness_beats_its_neighbours(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, _, episode = cantilever
     search = MarkerSearch(body, [episode], {}, DENSITY)
+    factors = (0.8, 0.9, 1.0, 1.1, 1.25)
     fits: list[MarkerFit] = [
-        search.at(np.array([np.log(RATE * factor), np.log(1e-9), DRAG, 0.0])) for factor in (0.8, 0.9, 1.0, 1.1, 1.25)
+        search.at(np.array([np.log(RATE * factor), np.log(1e-9), DRAG, 0.0, 0.0])) for factor in factors
     ]
     assert int(np.argmin(marker_errors(fits))) == 2
+
+
+@pytest.mark.parametrize(("way", "axis"), [("pitch", 2), ("yaw", 1)])
+def test_turns_upward_and_to_its_left_about_the_clamp(way: str, axis: int) -> None:
+    body = marker_body(still_episode(), parse_template(TEMPLATE))
+    known = len(HELD) + len(TRACKS)
+    moved = turned(body, known, **{"pitch": 0.0, "yaw": 0.0, way: 0.02})
+    shift = (moved.graph.positions[-len(TRACKS) :] - body.graph.positions[-len(TRACKS) :]).mean(axis=0)
+    length = float(TRACKS[:, 0].mean() - body.grasp[known:, 0].mean())
+    assert shift[axis] == pytest.approx(0.02 * length, rel=0.02)
+    assert np.delete(shift, axis) == pytest.approx(0.0, abs=1e-4)
+    assert (moved.grasp[:known] == body.grasp[:known]).all()
+
+
+@pytest.mark.parametrize(("held", "turns"), [(HELD, False), (HELD[:2], True)], ids=["three held", "two held"])
+def test_a_beam_held_back_at_the_start_is_placed_by_its_clamp(held: np.ndarray, turns: bool) -> None:
+    """Two held points do not tell how it is turned; the markers help, and the hand at them turns it."""
+    body = marker_body(still_episode(held), parse_template(TEMPLATE))
+    model = marker_model(body, density=DENSITY, stiffness=RATE * DENSITY * body.spacing**3, damping=1e-9, drag=DRAG)
+    held_back = still_episode(held, TRACKS + [0.0, 0.005, 0.0])
+    placed = place_markers(model, body.grasp, held_back).controls.positions[0, len(held) :]
+    away = np.linalg.norm(placed - body.grasp[len(held) + len(TRACKS) :], axis=1).max()
+    assert (away > 2e-4) if turns else (away < 1e-5)
 
 
 def test_load_pulls_and_slows(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:

@@ -46,6 +46,7 @@ def renew_tables() -> None:
         ("perception", "perception", _perception_table),
         ("planted", "planted", _planted_table),
         ("diagnoses", "diagnoses", _diagnoses_table),
+        ("beam", "beam", _beam_table),
         ("cost", "cost", _cost_table),
     ):
         path = RESULTS / f"{result}.json"
@@ -83,6 +84,19 @@ def _diagnoses_table(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _beam_table(result: dict[str, Any]) -> str:
+    lines = [
+        "| record | load (N) | | twin as built | after the diagnosis |",
+        "|" + " --- |" * 5,
+    ]
+    for name, errors in result["rmse_m"].items():
+        fitted = "fitted" if name in result["fitted"] else "held out"
+        millimetres = " | ".join(f"{1000 * errors[key]:.2f}" for key in ("built", "after"))
+        lines.append(f"| {name} | {result['loads_n'][name]:g} | {fitted} | {millimetres} |")
+    effects = ", ".join(effect["name"] for effect in result["effects"]) or "no effect"
+    return "\n".join([*lines, "", f"The diagnosis: {result['outcome']} ({effects}); {result['reason']}."])
+
+
 def _planted_table(result: dict[str, Any]) -> str:
     """The confusion matrix: what was said of each planted effect, by size, with its entry in the library or not."""
     nothing = [row for row in result["rows"] if row["effect"] == "none"]
@@ -94,6 +108,8 @@ def _planted_table(result: dict[str, Any]) -> str:
         + "".join(f"; {row['object']}, {' and '.join(row['motions'])}: {_said(row)}" for row in nothing if row["named"])
         + ". Named right: "
         + ", ".join(f"{_share(_of(planted, size, False), None)} of the {size} ones" for size in ("large", "small"))
+        + "; it is among what cannot be told apart in "
+        + " and ".join(f"{_among(_of(planted, size, False))} more" for size in ("large", "small"))
         + ". No name with the entry left out: "
         + ", ".join(f"{_share(_of(planted, size, True), [])} of the {size} ones" for size in ("large", "small"))
         + ".",
@@ -115,6 +131,11 @@ def _share(rows: list[dict[str, Any]], names: list[str] | None) -> str:
     """How many were given just these names, or, with None, that of what was planted; ambiguous sets name nothing."""
     right = sum(_names(row) == ([row["effect"]] if names is None else names) for row in rows)
     return f"{right} of {len(rows)}"
+
+
+def _among(rows: list[dict[str, Any]]) -> int:
+    """How many ambiguous sets have what was planted in them."""
+    return sum(row["outcome"] == "ambiguous" and row["effect"] in row["named"] for row in rows)
 
 
 def _names(row: dict[str, Any]) -> list[str]:

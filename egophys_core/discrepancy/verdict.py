@@ -205,15 +205,16 @@ def decide(
     near = [each for each in near if not akin(each.name, good[0].name)]
     if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.
-        best = max([law_gain, *(each.gain - freedom(each) for each in ordered if p_null[each.name] <= LARGEST_P)])
-        if best >= max(STRUCTURE_GAIN, least):
+        structure = max([law_gain, *(each.gain - freedom(each) for each in ordered if p_null[each.name] <= LARGEST_P)])
+        if structure >= max(STRUCTURE_GAIN, least):
             return Verdict(
                 outcome=Outcome.UNEXPLAINED,
                 judged=(),
-                reason=f"the residual has structure (a gain of {best:.0f} where a twin's own mismatch reaches "
+                reason=f"the residual has structure (a gain of {structure:.0f} where a twin's own mismatch reaches "
                 f"{CROWDED_GAIN:.0f}), but no effect of the library passes all tests",
                 experiment=None,
             )
+        best = max([law_gain, *(each.gain for each in ordered)])
         return Verdict(
             outcome=Outcome.NONE,
             judged=(),

@@ -32,8 +32,9 @@ SOURCES = Path(__file__).resolve().parents[2] / "ros2_ws/src"
 CALIBRATION = SOURCES / "xarm_bridge/config/world_to_base.yaml"
 ADDRESSES = (f"127.{1 + os.getpid() // 256 % 100}.{os.getpid() % 256}.{index}" for index in itertools.count(77))
 SEEN = {"points": 150, "noise_m": 0.001, "occlusion": False}
-PLANNING = {"waypoints": 4, "samples": 8, "iterations": 8, "noise_m": 0.08, "settle_s": 1.5, "high_m": [0.1, 0.3, 0.4]}
-"""In a box all of which the arm can reach; the corners of the default one it cannot."""
+BOX = {"high_m": [0.15, 0.3, 0.34]}
+"""The arm can reach all of it, which it cannot of the default one."""
+PLANNING = {"waypoints": 4, "samples": 8, "iterations": 8, "noise_m": 0.08, "settle_s": 1.5, **BOX}
 EFFECT = '{"constant_body_force": {"ax": 2.5, "ay": 1.5, "az": 0.0}}'
 """m/s^2, a quarter of the object's weight to the side; what lies on the table stays where it is."""
 DIAGNOSIS = {"diagnosis.refit_iterations": 3, "diagnosis.shams": 50, "diagnosis.bootstraps": 100}

@@ -202,6 +202,9 @@ def decide(
     good = [each for each in good if not needless(each, good)]
     near = [each for each in ordered if good and each is not good[0] and not beaten(each, good[0])]
     rivals = [each for each in near if any(each is other for other in good)]
+    # One thing under two names, whose refits may end at different heights.
+    named = {each.name for each in (*good[:1], *rivals)}
+    rivals += [each for each in good if each.name in THE_SAME - named and THE_SAME & named]
     near = [each for each in near if not akin(each.name, good[0].name)]
     if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.

@@ -170,6 +170,19 @@ def test_a_general_effect_is_named_only_if_it_explains_clearly_more_than_its_spe
     assert (verdict.outcome, [each.name for each in verdict.judged]) == (Outcome.NAMED, [named])
 
 
+def test_a_tilt_and_a_horizontal_force_go_together_even_if_one_refit_ended_lower():
+    towel = SimpleNamespace(model=sheet_model())
+    force = {axis: Estimate(value=1.0, unit="m/s^2", ci95=(0.5, 1.5)) for axis in "xyz"}
+    tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
+    found = [
+        replace(judged("quadratic_drag", gain), name=name, parameters=numbers, fitted=towel)
+        for name, gain, numbers in (("constant_body_force", CLEAR, force), ("gravity_tilt", 0.6 * CLEAR, tilt))
+    ]
+    verdict = decide(found, {"constant_body_force": 0.01, "gravity_tilt": 0.01}, 0.0, 2)
+    assert verdict.outcome == Outcome.AMBIGUOUS
+    assert [each.name for each in verdict.judged] == ["constant_body_force", "gravity_tilt"]
+
+
 @pytest.mark.parametrize("steady", [True, False])
 def test_a_lead_that_lasts_over_the_blocks_is_clear_and_one_block_is_not(steady):
     gain = 0.8 * CLEAR

@@ -292,6 +292,7 @@ def _judged(
                 judge(
                     observations,
                     before,
+                    problem,
                     each,
                     others=others,
                     iterations=options.refit_iterations,

@@ -78,6 +78,7 @@ class Judged:
 def judge(
     observations: Sequence[Observation],
     before: Fitted,
+    without: LinearProblem,
     ranked: Ranked,
     *,
     others: Sequence[ObjectModel],
@@ -88,6 +89,7 @@ def judge(
     """Refit `before` jointly with an effect from its linear optimum, and hold both against left-out data.
 
     Args:
+        without: the linear problem at `before`.
         others: twins without the effect at which the joint refit may start as well.
     """
     name = ranked.name
@@ -99,7 +101,6 @@ def judge(
     ]
     best = min(trials, key=lambda each: each.loss)
     fitted = refit(observations, best.model, knobs, iterations=iterations, scale=before.scale)
-    without = linear_problem(before.residuals, before.jacobian, before.scale)
     problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
     # What is the object's stays as all data fitted it, with the effect and without: slopes of the base, followed far
     # when a stretch is left out, say more of their own errors than of the effect. How much of the effect there is, is

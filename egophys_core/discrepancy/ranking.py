@@ -39,12 +39,18 @@ class Probe:
 
     effect: Effect
     start: dict[str, float]
-    null: dict[str, float]
-    """The start with all sizes at null."""
-    sizes: tuple[str, ...]
-    """Parameters that say how much."""
     slopes: list[np.ndarray]
     """Per episode [B, Q, 3, C] metres per step of each size."""
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """Parameters that say how much."""
+        return sizes_of(self.effect)
+
+    @property
+    def null(self) -> dict[str, float]:
+        """The start with all sizes at null."""
+        return at_null(self.effect, self.start)
 
     def columns(self, values: np.ndarray) -> Columns:
         """The slopes, or shams of them, as columns [M, C] within the bounds of the sizes."""
@@ -120,11 +126,11 @@ def probe_effects(
     """
     around = surroundings(model, observations)
     effects = [effect for effect in LIBRARY.values() if effect.name not in without]
-    simulated = {effect.name: simulated_starts(effect, around)[0] for effect in effects}
+    planned = {effect.name: simulated_starts(effect, around) for effect in effects}
     models = [
         with_effect(model, effect.name, {**at_null(effect, start), name: start[name]})
         for effect in effects
-        for start in simulated[effect.name]
+        for start in planned[effect.name][0]
         for name in sizes_of(effect)
     ]
     results: list[list[np.ndarray]] = [[] for _ in observations]
@@ -136,7 +142,8 @@ def probe_effects(
     probes = []
     for effect in effects:
         slopes = []
-        for start in simulated[effect.name]:
+        simulated, shares = planned[effect.name]
+        for start in simulated:
             mine = [(next(rows), _steps(effect, name, start)) for name in sizes_of(effect)]
             slopes.append(
                 [
@@ -144,7 +151,7 @@ def probe_effects(
                     for index, base in enumerate(found)
                 ]
             )
-        probes.extend(_probes(effect, around, slopes))
+        probes.extend(_probes(effect, effect.starts(around), shares, slopes))
     return probes
 
 
@@ -169,19 +176,22 @@ def simulated_starts(effect: Effect, around: Surroundings) -> tuple[list[dict[st
     return effect.superposition(around, starts) if effect.superposition else (starts, np.eye(len(starts)))
 
 
-def _probes(effect: Effect, around: Surroundings, slopes: Sequence[Sequence[np.ndarray]]) -> list[Probe]:
-    """The probes of all starts, from the slopes of those that were simulated, per start and episode [B, Q, 3, C]."""
-    _, shares = simulated_starts(effect, around)
+def _probes(
+    effect: Effect, starts: Sequence[dict[str, float]], shares: np.ndarray, slopes: Sequence[Sequence[np.ndarray]]
+) -> list[Probe]:
+    """The probes of all starts, from the slopes of those that were simulated, per start and episode [B, Q, 3, C].
+
+    Args:
+        shares: [S, K] how much of each that was simulated is in each start.
+    """
     together = [np.stack(each) for each in zip(*slopes, strict=True)]
     return [
         Probe(
             effect=effect,
             start=start,
-            null=at_null(effect, start),
-            sizes=sizes_of(effect),
             slopes=[np.tensordot(share, each, axes=1) for each in together],
         )
-        for start, share in zip(effect.starts(around), shares, strict=True)
+        for start, share in zip(starts, shares, strict=True)
     ]
 
 

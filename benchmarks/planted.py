@@ -11,8 +11,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from egophys_core.discrepancy.diagnose import Search, diagnose
+from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.discrepancy.search import Search
 from egophys_core.episode import Episode
 from egophys_core.files import write_atomically
 from egophys_core.identification import FitOptions, build_twin

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.discrepancy.knobs import base_knobs
-from egophys_core.discrepancy.refit import Fitted, refit, residual_scale, robust_loss
+from egophys_core.discrepancy.refit import Fitted, refit, refit_further, residual_scale, robust_loss
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.identification.rest_shape import RestShape
 from egophys_core.identification.search_space import build_graph
@@ -69,9 +69,8 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterati
     ]
     first.sort(key=lambda each: each.loss)
     best, *runners_up = first
-    fitted = refit(
-        observations, best.model, best.knobs, iterations=iterations, scale=min(scale, residual_scale(best.residuals))
-    )
+    best = replace(best, scale=min(scale, residual_scale(best.residuals)))
+    fitted = refit_further(observations, best, iterations=iterations)
     return Base(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
 
 

@@ -1,7 +1,7 @@
 """Diagnosis: from a twin and episodes of its object to what it lacks, and a better twin."""
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,61 +17,24 @@ from egophys_core.discrepancy.diagnosis import (
 )
 from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.free_rollouts import FreeErrors, episode_error, free_errors
-from egophys_core.discrepancy.generic_law import Law, find_law
-from egophys_core.discrepancy.judging import Judged, judge
-from egophys_core.discrepancy.linear import linear_problem
+from egophys_core.discrepancy.judging import Judged
 from egophys_core.discrepancy.options import DiagnosisOptions
-from egophys_core.discrepancy.ranking import Ranked, Ranking, probe_effects, rank
-from egophys_core.discrepancy.refit import Fitted, refit, residual_scale
+from egophys_core.discrepancy.ranking import Ranked
+from egophys_core.discrepancy.refit import Fitted, refit_further
 from egophys_core.discrepancy.residuals import Observation, observe, track_offsets
-from egophys_core.discrepancy.verdict import LARGEST_P, LEAST_GAIN, Verdict, decide
+from egophys_core.discrepancy.search import Inquiry, Progress, Search, search
 from egophys_core.discrepancy.where import where
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import episode_digest
 from egophys_core.options import to_mapping
-from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
-
-Progress = Callable[[str, float], None]
-"""Called with stage and share of the whole done (0..1); may raise to stop."""
-
-WORTH_REFITTING = LEAST_GAIN / 6.0
-"""Held-out gain of the linear problem below which a refit has never found what was asked for."""
+from egophys_core.twin import ObjectModel, Provenance, Twin
 
 BASE_REFITS = 2
 """Times as many steps for the twin without any effect: what it still gains later on would be taken for an effect's."""
 
-FINER = 0.7
-"""Of the scale of the residuals: where an effect leaves less, all are judged again by what it leaves."""
-
-ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",)}
-"""Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
-
-MIMICS = 2
-"""Effects beyond the shortlist that are refitted because they mimic the best of it."""
-
 LEAST_MOTION_S = 1.0
 """Seconds of handling below which an episode says nothing."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Inquiry:
-    """What stays the same over the searches of a diagnosis."""
-
-    observations: Sequence[Observation]
-    options: DiagnosisOptions
-    seed: int
-
-
-@dataclass(frozen=True, kw_only=True)
-class Search:
-    """One search for an effect beside those the fitted model carries."""
-
-    before: Fitted
-    ranking: Ranking
-    judged: list[Judged]
-    law: Law
-    verdict: Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +107,7 @@ def diagnose_observed(
     progress("refit the twin as it is", 0.05)
     base = base_fit(observations, model, iterations=BASE_REFITS * options.refit_iterations)
     inquiry = Inquiry(observations=observations, options=options, seed=seed)
-    first = _search(
+    first = search(
         inquiry, base.fitted, without, lambda stage, share: progress(stage, 0.2 + 0.4 * share), others=base.others
     )
     final, named, reason = first.before, first.verdict.judged, first.verdict.reason
@@ -153,7 +116,7 @@ def diagnose_observed(
         final = named[0].fitted
     if outcome == Outcome.NAMED:
         left_out = {*without, named[0].name}
-        second = _search(inquiry, final, left_out, lambda stage, share: progress(stage, 0.6 + 0.3 * share))
+        second = search(inquiry, final, left_out, lambda stage, share: progress(stage, 0.6 + 0.3 * share))
         searches.append(second)
         if second.verdict.outcome == Outcome.NAMED:
             final = second.verdict.judged[0].fitted
@@ -231,95 +194,9 @@ def _observed(model: ObjectModel, episode: Episode) -> Observation:
     return observation
 
 
-def _search(
-    inquiry: Inquiry,
-    before: Fitted,
-    without: Collection[str],
-    progress: Progress,
-    *,
-    others: Sequence[ObjectModel] = (),
-) -> Search:
-    """Probe, rank, refit the shortlist and decide.
-
-    An effect that explains much leaves residuals far smaller than those it was judged by. Then all are judged again on
-    that scale: what was hidden in the large ones counts now.
-    """
-    found = _judged(inquiry, before, without, others, lambda stage, share: progress(stage, 0.6 * share))
-    finest = min((residual_scale(each.fitted.residuals) for each in found.judged), default=before.scale)
-    if finest < FINER * before.scale:
-        iterations = inquiry.options.refit_iterations
-        before = refit(inquiry.observations, before.model, before.knobs, iterations=iterations, scale=finest)
-        again = {each.name for each in found.judged if each.gain >= WORTH_REFITTING}
-        found = _judged(
-            inquiry, before, without, others, lambda stage, share: progress(stage, 0.6 + 0.4 * share), also=again
-        )
-    return found
-
-
-def _judged(
-    inquiry: Inquiry,
-    before: Fitted,
-    without: Collection[str],
-    others: Sequence[ObjectModel],
-    progress: Progress,
-    *,
-    also: Collection[str] = (),
-) -> Search:
-    """One search on the scale of the residuals `before`.
-
-    Args:
-        also: names of effects that are judged whatever the ranking says.
-    """
-    observations, options = inquiry.observations, inquiry.options
-    problem = linear_problem(before.residuals, before.jacobian, before.scale)
-    progress("probe the effects", 0.0)
-    probes = probe_effects(
-        observations,
-        before.model,
-        before.residuals,
-        without=without,
-        progress=lambda share: progress("probe the effects", 0.5 * share),
-    )
-    ranking = rank(problem, probes, shams=options.shams, seed=inquiry.seed)
-    law = find_law(observations, before.model, before.residuals, problem)
-    worth = [each for each in ranking.ranked if each.held_out_gain >= WORTH_REFITTING]
-
-    def refitted(effects: Sequence[Ranked], begins: float) -> list[Judged]:
-        found = []
-        for index, each in enumerate(effects):
-            progress(f"refit with {each.name}", begins + (1.0 - begins) * index / (len(effects) + MIMICS))
-            found.append(
-                judge(
-                    observations,
-                    before,
-                    problem,
-                    each,
-                    others=others,
-                    iterations=options.refit_iterations,
-                    bootstraps=options.bootstraps,
-                    seed=inquiry.seed,
-                )
-            )
-        return found
-
-    chosen = {*(each.name for each in worth[: options.shortlist]), *ALWAYS[before.model.kind], *also}
-    judged = refitted([each for each in ranking.ranked if each.name in chosen], 0.55)
-    best = max(judged, key=lambda each: each.gain, default=None)
-    if best is not None and best.gain >= LEAST_GAIN:
-        mimics = [each for each in worth if each.name in best.mimics and each.name not in chosen]
-        judged += refitted(mimics[:MIMICS], 0.85)
-    p_null = {each.name: ranking.p_null(each.gain) for each in judged}
-    second = bool(before.model.effects)
-    law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0
-    verdict = decide(judged, p_null, law_gain, len(observations), second=second)
-    return Search(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)
-
-
 def _same_budget(observations: Sequence[Observation], before: Fitted, options: DiagnosisOptions) -> ObjectModel:
     """The twin without the effect, refitted for as many further steps as the effects were."""
-    return refit(
-        observations, before.model, before.knobs, iterations=options.refit_iterations, scale=before.scale
-    ).model
+    return refit_further(observations, before, iterations=options.refit_iterations).model
 
 
 def _candidates(first: Search) -> tuple[Candidate, ...]:

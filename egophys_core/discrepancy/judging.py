@@ -7,7 +7,8 @@ import numpy as np
 
 from egophys_core.discrepancy.diagnosis import Estimate
 from egophys_core.discrepancy.effects import effect_named
-from egophys_core.discrepancy.knobs import Knob, effect_knobs, turned, with_effect
+from egophys_core.discrepancy.knobs import Knob, effect_knobs, part_way, turned, with_effect
+from egophys_core.discrepancy.leaps import leapt
 from egophys_core.discrepancy.linear import (
     TRUST,
     LinearProblem,
@@ -19,17 +20,13 @@ from egophys_core.discrepancy.linear import (
     resampled_steps,
     trusted_columns,
 )
-from egophys_core.discrepancy.ranking import Ranked, at_null
-from egophys_core.discrepancy.refit import Fitted, refit, robust_loss
+from egophys_core.discrepancy.ranking import Ranked
+from egophys_core.discrepancy.refit import Fitted, refit, refit_further, robust_loss
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
 
 SHARES = (0.25, 0.5, 1.0, 2.0)
 """Of the way to the linear optimum at which a refit may start; it lies short of or beyond the true one."""
-
-LEAPS = (-3.0, 3.0, 9.0)
-"""Times the size at which the search for an effect starts, from which a refit may start as well: slopes of a twin that
-has bent to make up for the effect tell its direction, but far too small a size, or none."""
 
 FINALISTS, TRIAL_STEPS = 3, 1
 """Starts that are refitted, and by how many steps, before the best of them is refitted to the end."""
@@ -81,6 +78,7 @@ def judge(
     without: LinearProblem,
     ranked: Ranked,
     *,
+    earlier: ObjectModel | None,
     others: Sequence[ObjectModel],
     iterations: int,
     bootstraps: int,
@@ -90,17 +88,16 @@ def judge(
 
     Args:
         without: the linear problem at `before`.
+        earlier: where a refit with the effect ended on a coarser scale; where this one starts, if there is one.
         others: twins without the effect at which the joint refit may start as well.
     """
     name = ranked.name
     own = effect_knobs(effect_named(name))
     knobs = (*before.knobs, *own)
-    trials = [
-        refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=before.scale)
-        for start in _starts(observations, before, ranked, others)[:FINALISTS]
-    ]
+    starts = [earlier] if earlier else _starts(observations, before, ranked, others)[:FINALISTS]
+    trials = [refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=before.scale) for start in starts]
     best = min(trials, key=lambda each: each.loss)
-    fitted = refit(observations, best.model, knobs, iterations=iterations, scale=before.scale)
+    fitted = refit_further(observations, best, iterations=iterations)
     problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
     # What is the object's stays as all data fitted it, with the effect and without: slopes of the base, followed far
     # when a stretch is left out, say more of their own errors than of the effect. How much of the effect there is, is
@@ -143,9 +140,8 @@ def _starts(
     without the base's share, from `others` as well, and beside it the ways to all starts of the effect.
     """
     effect = ranked.probe.effect
-    knobs = effect_knobs(effect)
     base = np.array([knob.position(before.model) for knob in before.knobs])
-    optima = [_between(knobs, ranked.probe.null, ranked.values, share) for share in SHARES]
+    optima = [part_way(effect, ranked.values, share) for share in SHARES]
     ways = [
         [
             with_effect(turned(before.model, before.knobs, moved), effect.name, values)
@@ -153,13 +149,7 @@ def _starts(
             for moved in (base, base + min(share, 1.0) * ranked.base_steps)
         ],
         *([with_effect(other, effect.name, values) for values in optima] for other in others),
-        *(
-            [
-                with_effect(before.model, effect.name, _between(knobs, at_null(effect, start), start, share))
-                for share in LEAPS
-            ]
-            for start in ranked.starts
-        ),
+        *(leapt(before.model, effect, start) for start in ranked.starts),
     ]
     way = np.repeat(np.arange(len(ways)), [len(each) for each in ways])
     models = [model for each in ways for model in each]
@@ -168,17 +158,6 @@ def _starts(
     order = np.argsort(scores)
     _, firsts = np.unique(way[order], return_index=True)
     return [models[order[first]] for first in sorted(firsts)]
-
-
-def _between(knobs: Sequence[Knob], null: dict[str, float], there: dict[str, float], share: float) -> dict[str, float]:
-    """Parameters at a share of the way from no effect."""
-    return {
-        knob.parameter.name: knob.value_at(
-            (1.0 - share) * knob.position_of(null[knob.parameter.name])
-            + share * knob.position_of(there[knob.parameter.name])
-        )
-        for knob in knobs
-    }
 
 
 def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:

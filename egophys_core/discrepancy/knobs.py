@@ -1,6 +1,6 @@
 """Knobs: the numbers of a twin that a refit turns, its own and those of its effects."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -83,6 +83,28 @@ def base_knobs(model: ObjectModel, *, clamped: bool) -> tuple[Knob, ...]:
 def effect_knobs(effect: Effect) -> tuple[Knob, ...]:
     """The parameters of an effect that the model carries."""
     return tuple(_effect_knob(effect.name, parameter) for parameter in effect.parameters)
+
+
+def sizes_of(effect: Effect) -> tuple[str, ...]:
+    """The parameters that say how much of an effect there is."""
+    return tuple(each.name for each in effect.parameters if each.null is not None)
+
+
+def at_null(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
+    """Parameters of an effect with all sizes at null."""
+    return {**values, **{each.name: each.null for each in effect.parameters if each.null is not None}}
+
+
+def part_way(effect: Effect, there: Mapping[str, float], share: float) -> dict[str, float]:
+    """Parameters at a share, in steps, of the way from no effect."""
+    null = at_null(effect, there)
+    return {
+        knob.parameter.name: knob.value_at(
+            (1.0 - share) * knob.position_of(null[knob.parameter.name])
+            + share * knob.position_of(there[knob.parameter.name])
+        )
+        for knob in effect_knobs(effect)
+    }
 
 
 def with_effect(model: ObjectModel, name: str, values: dict[str, float]) -> ObjectModel:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.discrepancy.effects import LIBRARY, Effect, Surroundings
-from egophys_core.discrepancy.knobs import effect_knobs, with_effect
+from egophys_core.discrepancy.knobs import at_null, effect_knobs, sizes_of, with_effect
 from egophys_core.discrepancy.linear import (
     Columns,
     LinearProblem,
@@ -28,9 +28,6 @@ SHAMMED = 8
 
 BEST_STARTS = 8
 """Starts of an effect, the best by their slopes, from which refits may begin."""
-
-BATCH = 32
-"""Probes that are simulated together: a bound on memory."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,11 +130,7 @@ def probe_effects(
         for start in planned[effect.name][0]
         for name in sizes_of(effect)
     ]
-    results: list[list[np.ndarray]] = [[] for _ in observations]
-    for first in range(0, len(models), BATCH):
-        for index, each in enumerate(residuals(observations, models[first : first + BATCH])):
-            results[index].extend(each)
-        progress(min(1.0, (first + BATCH) / len(models)))
+    results = residuals(observations, models, progress=progress)
     rows = iter(range(len(models)))
     probes = []
     for effect in effects:
@@ -158,16 +151,6 @@ def probe_effects(
 def _finite(slopes: np.ndarray) -> np.ndarray:
     """Slopes, none where something diverged or is not seen."""
     return np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
-
-
-def sizes_of(effect: Effect) -> tuple[str, ...]:
-    """The parameters that say how much of an effect there is."""
-    return tuple(each.name for each in effect.parameters if each.null is not None)
-
-
-def at_null(effect: Effect, start: Mapping[str, float]) -> dict[str, float]:
-    """A start with all sizes at null."""
-    return {**start, **{each.name: each.null for each in effect.parameters if each.null is not None}}
 
 
 def simulated_starts(effect: Effect, around: Surroundings) -> tuple[list[dict[str, float]], np.ndarray]:

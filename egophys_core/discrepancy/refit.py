@@ -17,9 +17,9 @@ CORRELATED = 3.0
 """Residuals that say the same: neighbouring patches are not independent."""
 
 DAMPINGS = (0.001, 0.01, 0.1, 1.0, 10.0, 100.0)
-"""Levenberg-Marquardt's lambdas, tried side by side: with the leaps one group of lanes, which costs as much as one."""
+"""Levenberg-Marquardt's lambdas, tried side by side: with the long steps one group of lanes, as cheap as one."""
 
-LEAPS, LEAP = 2, 2.0
+LONG_STEPS, LONGER = 2, 2.0
 """The least damped steps are also tried at twice their length: far from the optimum residuals saturate the loss."""
 
 ACROSS = 0.5
@@ -84,13 +84,25 @@ def refit(
         scale: s of the loss, metres; by default from the residuals at the start.
     """
     knobs = tuple(knobs)
-    start = np.array([knob.position(model) for knob in knobs])
     found, jacobian = linearised(observations, model, knobs)
-    scale = scale or residual_scale(found)
+    start = Fitted(model=model, residuals=found, jacobian=jacobian, knobs=knobs, scale=scale or residual_scale(found))
+    return refit_further(observations, start, iterations=iterations)
+
+
+def refit_further(observations: Sequence[Observation], fitted: Fitted, *, iterations: int) -> Fitted:
+    """Go on from the end of a refit, which is a start like any other: the prior is about it."""
+    model, found, jacobian, knobs, scale = (
+        fitted.model,
+        fitted.residuals,
+        fitted.jacobian,
+        fitted.knobs,
+        fitted.scale,
+    )
+    start = np.array([knob.position(model) for knob in knobs])
     here = start.copy()
     for _ in range(iterations):
         steps = [_step(found, jacobian, scale, here - start, damping) for damping in DAMPINGS]
-        along = [*steps, *(LEAP * each for each in steps[:LEAPS])]
+        along = [*steps, *(LONGER * each for each in steps[:LONG_STEPS])]
         across = [sign * ACROSS * each for each in np.eye(len(knobs)) for sign in (-1.0, 1.0)]
         enough = _objective(found, scale, here - start) - LEAST_GAIN
         for group in (along, across):

@@ -30,6 +30,9 @@ PATCHES = 12
 LEAD_S = 0.3
 """Seconds before the first contact at which the observer starts, from rest."""
 
+BATCH = 32
+"""Models that are simulated together: a bound on memory."""
+
 FEWEST_IN_BLOCK = 4
 """Seen track positions below which a block of a patch has no mean."""
 
@@ -156,9 +159,26 @@ def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
     return means.reshape(len(offsets), observation.block_count, PATCHES, 3)
 
 
-def residuals(observations: Sequence[Observation], models: Sequence[ObjectModel]) -> list[np.ndarray]:
-    """Per episode [K, B, Q, 3] metres: the innovations of each model's observer; infinite where it diverged."""
-    return _of_each(observations, lambda each: _new_in_blocks(each, *track_offsets(each, models)))
+def residuals(
+    observations: Sequence[Observation],
+    models: Sequence[ObjectModel],
+    *,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[np.ndarray]:
+    """Per episode [K, B, Q, 3] metres: the innovations of each model's observer; infinite where it diverged.
+
+    Args:
+        progress: called with the share done.
+    """
+
+    def of_some(some: Sequence[ObjectModel]) -> list[np.ndarray]:
+        return _of_each(observations, lambda each: _new_in_blocks(each, *track_offsets(each, some)))
+
+    parts = []
+    for first in range(0, len(models), BATCH):
+        parts.append(of_some(models[first : first + BATCH]))
+        progress(min(1.0, (first + BATCH) / len(models)))
+    return [np.concatenate(each) for each in zip(*parts, strict=True)]
 
 
 def residuals_with(

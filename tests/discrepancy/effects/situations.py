@@ -48,12 +48,6 @@ def with_effect(model: ObjectModel, name: str, **values: float) -> ObjectModel:
     return replace(model, effects=(*model.effects, TwinEffect(name=name, values=values)))
 
 
-def at_null(name: str, start: dict[str, float]) -> dict[str, float]:
-    """A start whose parameters that say how much are at their null."""
-    nulls = {each.name: each.null for each in LIBRARY[name].parameters if each.null is not None}
-    return {**start, **nulls}
-
-
 def lifted(duration: float = 0.5, height: float = 0.1) -> Controls:
     """A hand of three points that takes a corner of the sheet and lifts it."""
     times = frame_times(duration, FRAME)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from egophys_core.discrepancy.effects import LIBRARY, TwinEffect, effect_named
+from egophys_core.discrepancy.knobs import at_null
 from egophys_core.discrepancy.ranking import simulated_starts
 from egophys_core.errors import TwinError
 from egophys_core.simulation import batch_of_models, rollout
-from tests.discrepancy.effects.situations import at_null, lifted, sheet, solid, surroundings
+from tests.discrepancy.effects.situations import lifted, sheet, solid, surroundings
 
 NAMES = sorted(LIBRARY)
 MOST_SIMULATED = 12
@@ -85,7 +86,7 @@ def test_starts_are_complete_distinct_and_away_from_the_null(name, make):
 @pytest.mark.parametrize("make", [sheet, solid])
 def test_at_its_null_an_effect_changes_nothing_to_the_bit(make):
     model, known = make(), surroundings(make())
-    cases = [(name, at_null(name, start)) for name in NAMES for start in LIBRARY[name].starts(known)]
+    cases = [(name, at_null(LIBRARY[name], start)) for name in NAMES for start in LIBRARY[name].starts(known)]
     models = [model, *(replace(model, effects=(TwinEffect(name=name, values=values),)) for name, values in cases)]
     result = rollout(batch_of_models(models, [lifted()] * len(models), ground_height=0.0))
     result.raise_on_failure()

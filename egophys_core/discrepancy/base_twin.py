@@ -37,6 +37,9 @@ SOFTER = (1.0, 0.25)
 BENDING_RATIOS = {ObjectKind.SHEET: (0.03, 0.3), ObjectKind.SOLID: (0.03,)}
 """Stiffness of bending springs over that of the others at which a variant may begin: limp cloth, and felt."""
 
+COMPRESSION_RATIO = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 1.0}
+"""Of the stiffness of a spring, left when it is pressed, at which a variant begins: cloth wrinkles between nodes."""
+
 FINALISTS, TRIAL_STEPS = 2, 3
 """Variants that are refitted, and by how many steps, before the best of them is refitted to the end."""
 
@@ -55,7 +58,7 @@ class Base:
 
 def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterations: int) -> Base:
     """The best of the twin and its variants, refitted; the first few tell only after some steps which it is."""
-    own = [model, without_sag(model)] if model.kind == ObjectKind.SOLID else [model]
+    own = [model, without_sag(model) if model.kind == ObjectKind.SOLID else _wrinkling(model)]
     models = [*own, *variants(model)]
     found = residuals(observations, models)
     scale = residual_scale([each[0] for each in found])
@@ -72,6 +75,12 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterati
     best = replace(best, scale=min(scale, residual_scale(best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
     return Base(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
+
+
+def _wrinkling(model: ObjectModel) -> ObjectModel:
+    """The twin with springs that give way when they are pressed."""
+    parameters = replace(model.parameters, compression_ratio=COMPRESSION_RATIO[model.kind])
+    return replace(model, parameters=parameters)
 
 
 def variants(model: ObjectModel) -> list[ObjectModel]:
@@ -93,6 +102,7 @@ def variants(model: ObjectModel) -> list[ObjectModel]:
             damping=DAMPING_RATE[model.kind] * node_mass,
             bending_ratio=bending,
             strain_limit=1e6,
+            compression_ratio=COMPRESSION_RATIO[model.kind],
             ground_projection=0.0,
             restitution=0.0,
             friction=0.5,

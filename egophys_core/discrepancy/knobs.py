@@ -71,7 +71,8 @@ def base_knobs(model: ObjectModel, *, clamped: bool) -> tuple[Knob, ...]:
         ),
     ]
     if model.kind == ObjectKind.SHEET:
-        return (*knobs, _springs_knob("bending stiffness", SpringKind.BENDING, 1.0 * node_mass, 1e5 * node_mass))
+        bending = _springs_knob("bending stiffness", SpringKind.BENDING, 1.0 * node_mass, 1e5 * node_mass)
+        return (*knobs, bending, _number("compression_ratio", 0.05, 1.0, step=0.3, logarithmic=True))
     knobs.append(_number("drag", 0.0, 20.0, step=0.2, unit="1/s"))
     if not clamped:
         # A grip that is soft enough to turn in is too soft to carry: all toys sag too much in their twins. What a toy

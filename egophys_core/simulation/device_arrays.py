@@ -23,6 +23,7 @@ MOTION_NAMES = ("start_positions", "end_positions", "start_velocities", "end_vel
 PARAMETER_NAMES = (
     "gravity",
     "drag",
+    "compression_ratio",
     "restitution",
     "friction",
     "ground_projection",

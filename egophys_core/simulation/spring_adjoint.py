@@ -7,6 +7,8 @@ the force on the end::
     dL/dk = a.d e / l,    dL/dgamma = a.w,    dL/dw = gamma a,    dL/dd = c a + a.d (dc/dl) d / l
     uncapped:  dc/dl = k l0 / l^2,     dL/dl0 = -a.d k / l,      dL/de_max = 0
     capped:    dc/dl = -k e_max / l^2, dL/dl0 = 0,               dL/de_max = a.d k / l
+
+A pressed spring has r k in place of k, so dL/dr is the sum of k dL/d(r k) over those, and dL/dk is r dL/d(r k).
 """
 
 import warp as wp
@@ -18,8 +20,9 @@ from egophys_core.simulation.springs import (
     acting,
     add_grip_forces,
     add_spring_forces,
+    pressed,
 )
-from egophys_core.simulation.state import StateArrays
+from egophys_core.simulation.state import ParameterArrays, StateArrays
 
 
 @wp.func
@@ -52,6 +55,7 @@ def add_spring_derivatives(
     last: int,
     state: StateArrays,
     springs: SpringArrays,
+    compression_ratio: Lanes,
     by_forces: wp.array3d(dtype=Lanes),
     by_positions: wp.array3d(dtype=Lanes),
     by_velocities: wp.array3d(dtype=Lanes),
@@ -60,13 +64,15 @@ def add_spring_derivatives(
     by_rest_lengths: wp.array2d(dtype=Lanes),
     by_longest_extensions: wp.array2d(dtype=Lanes),
     grips: bool,
-):
-    """Add the derivatives of the loss by all inputs of `add_spring_forces` to those arrays.
+) -> Lanes:
+    """Add the derivatives of the loss by all inputs of `add_spring_forces` to those arrays; that by the ratio.
 
     With `grips` the same for `add_grip_forces`: no force acts on the ends, and an open press passes nothing on.
     """
     positions = state.positions
     velocities = state.velocities
+    lost = Lanes(1.0) - compression_ratio
+    by_ratio = Lanes()
     for node in range(first, last):
         x = positions[group, node, 0]
         y = positions[group, node, 1]
@@ -99,10 +105,12 @@ def add_spring_derivatives(
             wy = velocities[group, other, 1] - vy
             wz = velocities[group, other, 2] - vz
             squared_length = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz)
+            shorter = pressed(squared_length, springs.rest_lengths[group, spring])
+            kept = Lanes(1.0) - wp.cw_mul(lost, shorter)
             coefficient, slope, of_stiffness, of_rest_length, of_longest_extension = elastic_adjoint(
                 squared_length,
                 wp.cw_mul(ax, dx) + wp.cw_mul(ay, dy) + wp.cw_mul(az, dz),
-                springs.stiffness[group, spring],
+                wp.cw_mul(kept, springs.stiffness[group, spring]),
                 springs.rest_lengths[group, spring],
                 springs.longest_extensions[group, spring],
             )
@@ -123,7 +131,8 @@ def add_spring_derivatives(
                 of_rest_length = wp.cw_mul(of_rest_length, acts)
                 of_longest_extension = wp.cw_mul(of_longest_extension, acts)
                 of_damping = wp.cw_mul(of_damping, acts)
-            by_stiffness[group, spring] += of_stiffness
+            by_ratio += wp.cw_mul(shorter, wp.cw_mul(springs.stiffness[group, spring], of_stiffness))
+            by_stiffness[group, spring] += wp.cw_mul(kept, of_stiffness)
             by_rest_lengths[group, spring] += of_rest_length
             by_longest_extensions[group, spring] += of_longest_extension
             by_damping[group, spring] += of_damping
@@ -151,19 +160,27 @@ def add_spring_derivatives(
         by_velocities[group, node, 0] -= sum_vx
         by_velocities[group, node, 1] -= sum_vy
         by_velocities[group, node, 2] -= sum_vz
+    return by_ratio
 
 
 @wp.func_grad(add_spring_forces)
 def adj_add_spring_forces(
-    group: int, first: int, last: int, state: StateArrays, springs: SpringArrays, forces: wp.array3d(dtype=Lanes)
+    group: int,
+    first: int,
+    last: int,
+    state: StateArrays,
+    springs: SpringArrays,
+    parameters: ParameterArrays,
+    forces: wp.array3d(dtype=Lanes),
 ):
     """What the tape calls for `add_spring_forces`."""
-    add_spring_derivatives(
+    wp.adjoint[parameters.compression_ratio][group] += add_spring_derivatives(
         group,
         first,
         last,
         state,
         springs,
+        parameters.compression_ratio[group],
         wp.adjoint[forces],
         wp.adjoint[state.positions],
         wp.adjoint[state.velocities],
@@ -177,7 +194,13 @@ def adj_add_spring_forces(
 
 @wp.func_replay(add_spring_forces)
 def replay_add_spring_forces(
-    group: int, first: int, last: int, state: StateArrays, springs: SpringArrays, forces: wp.array3d(dtype=Lanes)
+    group: int,
+    first: int,
+    last: int,
+    state: StateArrays,
+    springs: SpringArrays,
+    parameters: ParameterArrays,
+    forces: wp.array3d(dtype=Lanes),
 ):
     """Going back nothing needs the forces again."""
 
@@ -193,6 +216,7 @@ def adj_add_grip_forces(
         last,
         state,
         grips,
+        Lanes(1.0),
         wp.adjoint[forces],
         wp.adjoint[state.positions],
         wp.adjoint[state.velocities],

@@ -3,7 +3,7 @@
 import warp as wp
 
 from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.state import StateArrays
+from egophys_core.simulation.state import ParameterArrays, StateArrays
 
 SHORTEST_LENGTH = 1.0e-9
 """Metres. Guards the division by the length: below it the elastic force fades to 0 with the length."""
@@ -46,10 +46,29 @@ def elastic_coefficient(squared_length: Lanes, stiffness: Lanes, rest_length: La
 
 
 @wp.func
+def pressed(squared_length: Lanes, rest_length: Lanes) -> Lanes:
+    """1 where a spring is shorter than at rest."""
+    shorter = Lanes()
+    for lane in range(LANES):
+        shorter[lane] = wp.step(squared_length[lane] - rest_length[lane] * rest_length[lane])
+    return shorter
+
+
+@wp.func
 def add_spring_forces(
-    group: int, first: int, last: int, state: StateArrays, springs: SpringArrays, forces: wp.array3d(dtype=Lanes)
+    group: int,
+    first: int,
+    last: int,
+    state: StateArrays,
+    springs: SpringArrays,
+    parameters: ParameterArrays,
+    forces: wp.array3d(dtype=Lanes),
 ):
-    """Add k eta (l - l0) d - gamma (v_i - v_j) of the springs in the rows of first..last-1 to both their nodes, N."""
+    """Add k eta (l - l0) d - gamma (v_i - v_j) of the springs in the rows of first..last-1 to both their nodes, N.
+
+    A spring that is pressed has the share `compression_ratio` of its stiffness.
+    """
+    lost = Lanes(1.0) - parameters.compression_ratio[group]
     positions = state.positions
     velocities = state.velocities
     ends = springs.ends
@@ -72,10 +91,13 @@ def add_spring_forces(
             dx = positions[group, other, 0] - x
             dy = positions[group, other, 1] - y
             dz = positions[group, other, 2] - z
+            squared_length = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz)
+            rest_length = rest_lengths[group, spring]
+            kept = Lanes(1.0) - wp.cw_mul(lost, pressed(squared_length, rest_length))
             elastic = elastic_coefficient(
-                wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz),
-                stiffness[group, spring],
-                rest_lengths[group, spring],
+                squared_length,
+                wp.cw_mul(kept, stiffness[group, spring]),
+                rest_length,
                 longest_extensions[group, spring],
             )
             gamma = damping[group, spring]
@@ -102,8 +124,8 @@ def acting(pull: Lanes, squared_length: Lanes, rest_length: Lanes, longest_exten
     """
     acts = Lanes()
     for lane in range(LANES):
-        compressed = wp.step(squared_length[lane] - rest_length[lane] * rest_length[lane])
-        acts[lane] = wp.max(wp.step(-longest_extension[lane]), compressed * wp.step(pull[lane]))
+        shorter = wp.step(squared_length[lane] - rest_length[lane] * rest_length[lane])
+        acts[lane] = wp.max(wp.step(-longest_extension[lane]), shorter * wp.step(pull[lane]))
     return acts
 
 

@@ -30,6 +30,7 @@ class ParameterArrays:
     """m/s^2, downward."""
     drag: wp.array(dtype=Lanes)
     """1/s."""
+    compression_ratio: wp.array(dtype=Lanes)
     restitution: wp.array(dtype=Lanes)
     friction: wp.array(dtype=Lanes)
     ground_projection: wp.array(dtype=Lanes)

@@ -86,7 +86,7 @@ def force_sum(effects: EffectTerms) -> wp.Function:
         # Last, because going back their hand-written adjoints need the derivatives' arrays, which the adjoints that
         # Warp generates for the others replace by empty ones once they are done.
         add_grip_forces(group, first, last, state, grips, forces)
-        add_spring_forces(group, first, last, state, springs, forces)
+        add_spring_forces(group, first, last, state, springs, parameters, forces)
 
     return add_forces
 

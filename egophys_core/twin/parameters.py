@@ -33,6 +33,8 @@ class PhysicalParameters:
     """Velocity decay against the world, 1/s: every node feels -drag * mass * velocity."""
     strain_limit: float = 0.5
     """Tensile strain beyond which a structural spring softens (paper, strain-limiting equation)."""
+    compression_ratio: float = 1.0
+    """Stiffness of a spring that is pressed over that of one that is pulled, 0..1: cloth wrinkles between its nodes."""
     restitution: float = 0.0
     """Share of the normal speed kept in a bounce off the table, 0..1."""
     friction: float = 0.5
@@ -66,6 +68,6 @@ class PhysicalParameters:
         for name in ("total_mass", "stiffness", "controller_radius"):
             if getattr(self, name) == 0:
                 raise TwinError(f"{name} must be positive, got 0")
-        for name in ("restitution", "ground_projection", "collision_restitution"):
+        for name in ("compression_ratio", "restitution", "ground_projection", "collision_restitution"):
             if getattr(self, name) > 1:
                 raise TwinError(f"{name} must be in 0..1, got {getattr(self, name)}")

@@ -15,7 +15,8 @@ from tests.discrepancy.rehearsed import WIND, episodes, sheet
 def test_a_knob_reads_what_it_was_turned_to(index):
     knob = base_knobs(sheet(), clamped=False)[index]
     at = knob.position(sheet())
-    assert knob.position(knob.to(sheet(), at + 1.0)) == pytest.approx(at + 1.0, abs=1e-4)
+    step = 1.0 if knob.read(sheet()) < knob.parameter.high else -1.0
+    assert knob.position(knob.to(sheet(), at + step)) == pytest.approx(at + step, abs=1e-4)
     far = knob.read(knob.to(sheet(), 1e6))
     assert far == pytest.approx(knob.parameter.high, rel=1e-5)
 
@@ -35,6 +36,13 @@ def test_a_refit_never_ends_worse_than_it_began():
     assert fitted.loss <= robust_loss(start, fitted.scale) + 1e-6
     assert [each.shape[-1] for each in fitted.jacobian] == [len(base_knobs(sheet(), clamped=False))] * 2
     assert np.isfinite(fitted.jacobian[0]).any()
+
+
+def test_only_cloth_may_give_way_when_it_is_pressed():
+    def names(model):
+        return {knob.parameter.name for knob in base_knobs(model, clamped=False)}
+
+    assert "compression_ratio" in names(sheet()) - names(solid())
 
 
 def test_only_a_toy_in_a_hand_has_its_weight_fitted():

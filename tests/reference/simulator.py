@@ -18,7 +18,14 @@ ExtraForce = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
 
 
 def spring_force(
-    offset: np.ndarray, relative_velocity: np.ndarray, *, stiffness: float, damping: float, rest: float, longest: float
+    offset: np.ndarray,
+    relative_velocity: np.ndarray,
+    *,
+    stiffness: float,
+    damping: float,
+    rest: float,
+    longest: float,
+    compression_ratio: float = 1.0,
 ) -> np.ndarray:
     """[3] N on the first node: k eta (l - l0) d - gamma (v_i - v_j), eta = min(1, longest / (l - l0)) when stretched.
 
@@ -29,10 +36,11 @@ def spring_force(
         damping: gamma, N s/m.
         rest: l0, metres.
         longest: extension beyond which the spring softens, metres: the paper's strain limit times l0.
+        compression_ratio: share of k that a spring has which is shorter than at rest.
     """
     length = float(np.linalg.norm(offset))
     extension = length - rest
-    eta = min(1.0, longest / extension) if extension > 0 else 1.0
+    eta = min(1.0, longest / extension) if extension > 0 else compression_ratio
     direction = offset / length if length > 0 else np.zeros(3)
     return stiffness * eta * extension * direction - damping * relative_velocity
 
@@ -143,7 +151,17 @@ def simulate(
     masses = batch.masses[row].astype(np.float64)
     ground = batch.ground_height + alpha.contact_radius
     springs = [
-        (int(i), int(j), {"stiffness": float(k), "damping": float(g), "rest": float(rest), "longest": float(longest)})
+        (
+            int(i),
+            int(j),
+            {
+                "stiffness": float(k),
+                "damping": float(g),
+                "rest": float(rest),
+                "longest": float(longest),
+                "compression_ratio": alpha.compression_ratio,
+            },
+        )
         for (i, j), k, g, rest, longest in zip(
             batch.springs,
             batch.stiffness[row],

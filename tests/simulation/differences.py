@@ -19,6 +19,7 @@ STEPS = {
     "controller_damping": 1e-5,
     "gravity": 1e-4,
     "drag": 1e-4,
+    "compression_ratio": 1e-4,
     "restitution": 1e-5,
     "friction": 1e-5,
     "ground_projection": 1e-4,

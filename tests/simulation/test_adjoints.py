@@ -9,10 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from egophys_core.simulation import spring_adjoint as spring_adjoint
+from egophys_core.simulation.device_arrays import PARAMETER_NAMES
 from egophys_core.simulation.ground import collide, project_upward_force
 from egophys_core.simulation.lanes import LANES, Lanes, pack, unpack
 from egophys_core.simulation.springs import UNLIMITED, SpringArrays, add_grip_forces, add_spring_forces
-from egophys_core.simulation.state import StateArrays
+from egophys_core.simulation.state import ParameterArrays, StateArrays
 from tests.reference.simulator import contact
 from tests.simulation.scenes import parameters
 
@@ -34,7 +35,13 @@ plain_projection = without_adjoint(project_upward_force)
 
 @wp.kernel
 def spring_kernel(
-    plain: bool, nodes: int, state: StateArrays, springs: SpringArrays, grips: bool, forces: wp.array3d(dtype=Lanes)
+    plain: bool,
+    nodes: int,
+    state: StateArrays,
+    springs: SpringArrays,
+    parameters: ParameterArrays,
+    grips: bool,
+    forces: wp.array3d(dtype=Lanes),
 ):
     group = wp.tid()
     if grips:
@@ -44,9 +51,9 @@ def spring_kernel(
             add_grip_forces(group, 0, nodes, state, springs, forces)
     else:
         if plain:
-            plain_springs(group, 0, nodes, state, springs, forces)
+            plain_springs(group, 0, nodes, state, springs, parameters, forces)
         else:
-            add_spring_forces(group, 0, nodes, state, springs, forces)
+            add_spring_forces(group, 0, nodes, state, springs, parameters, forces)
 
 
 @wp.kernel
@@ -88,15 +95,22 @@ def spring_derivatives(*, plain: bool, grips: bool) -> dict[str, np.ndarray]:
     arrays.rest_lengths = lanes(generator.uniform(0.5, 2, shape))
     longest = np.where(generator.random(shape) < 0.5, 0.0 if grips else 0.2, UNLIMITED)
     arrays.longest_extensions = lanes(longest)
+    numbers = ParameterArrays()
+    for name in (*PARAMETER_NAMES, "contact_height"):
+        setattr(numbers, name, lanes(generator.uniform(0, 1, 2 * LANES)))
+    numbers.masses, numbers.inverse_masses = (lanes(np.ones((2 * LANES, nodes))) for _ in range(2))
     state = StateArrays()
     state.positions, state.velocities = (lanes(generator.normal(0, 1, (2 * LANES, points, 3))) for _ in range(2))
     forces = lanes(np.zeros((2 * LANES, nodes, 3)))
     with wp.Tape() as tape:
-        wp.launch(spring_kernel, dim=2, inputs=[plain, nodes, state, arrays, grips], outputs=[forces], device="cpu")
+        wp.launch(
+            spring_kernel, dim=2, inputs=[plain, nodes, state, arrays, numbers, grips], outputs=[forces], device="cpu"
+        )
     weights = pack(generator.normal(0, 1, (2 * LANES, nodes, 3)))
     tape.backward(grads={forces: wp.array(weights, dtype=Lanes, device="cpu")})
     read = {
         **{name: getattr(arrays, name) for name in ("stiffness", "damping", "rest_lengths", "longest_extensions")},
+        **({} if grips else {"compression_ratio": numbers.compression_ratio}),
         "positions": state.positions,
         "velocities": state.velocities,
     }

@@ -48,6 +48,7 @@ def mixed_batch(kind: ObjectKind = ObjectKind.SHEET, *, collision_distance: floa
             restitution=0.05 * (index % 3),
             drag=0.1 * (index % 2),
             strain_limit=0.1 + 0.1 * (index % 5),
+            compression_ratio=1.0 - 0.2 * (index % 4),
             ground_projection=0.1 * (index % 4),
             controller_stiffness=15.0 * (1 + index % 3),
             controller_neighbours=1 + index % 6,

@@ -30,9 +30,9 @@ SCENES: dict[str, Callable[[], RolloutBatch]] = {
     "self-collision": bars_that_collide,
 }
 KINDS = {
-    "in the air": (*SPRINGS, *HANDS, *STARTS, *BODY),
+    "in the air": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY),
     "with effects": ("effects", "drag", "positions", "velocities"),
-    "on the table": (*SPRINGS, *HANDS, *STARTS, *BODY, *TABLE),
+    "on the table": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY, *TABLE),
     "self-collision": (*SPRINGS[:3], *STARTS, "gravity", *COLLISION),
 }
 """What each scene depends on and is checked for."""

@@ -45,6 +45,7 @@ def everything_at_once(seed: int, *, flat: bool):
         gravity=9.81,
         drag=0.3,
         strain_limit=0.2,
+        compression_ratio=0.4,
         restitution=0.3,
         friction=0.4,
         ground_projection=0.3,

@@ -211,6 +211,23 @@ def test_pull_of_a_structural_spring_is_capped_at_the_strain_limit(length):
     assert (velocities[1] == -velocities[0]).all()
 
 
+@pytest.mark.parametrize(("length", "share"), [(0.4, 0.25), (0.9, 0.25), (1.2, 1.0)])
+def test_a_pressed_spring_has_a_share_of_its_stiffness(length, share):
+    stiffness, mass, dt = 7.0, 0.5, 1 / 1000
+    batch = scene(
+        [[0, 0, 0], [length, 0, 0]],
+        idle_controls(np.array([0.0, dt])),
+        springs=[(0, 1)],
+        stiffness=stiffness,
+        rest_lengths=[1.0],
+        mass=mass,
+        compression_ratio=0.25,
+    )
+    velocities = rollout(batch).velocities[0]
+    assert velocities[0] == pytest.approx([dt * share * stiffness * (length - 1.0) / mass, 0, 0], rel=1e-4, abs=1e-7)
+    assert (velocities[1] == -velocities[0]).all()
+
+
 def test_controller_springs_never_soften():
     # From rest length 0.01 m to 1.01 m, far beyond the limit: m dv / dt = k * 1 m.
     stiffness, mass, dt = 7.0, 0.5, 1 / 1000

@@ -168,6 +168,13 @@ def test_unknown_parameter_and_kind_are_refused():
             decode_twin(with_header(content, {**header, **change}), name="it")
 
 
+def test_a_twin_from_before_springs_gave_way_when_pressed_is_read():
+    content = encode_twin(make_twin())
+    header = header_of(content)
+    del header["parameters"]["compression_ratio"]
+    assert decode_twin(with_header(content, header), name="it").model.parameters.compression_ratio == 1.0
+
+
 def test_arrays_that_do_not_fit_together_are_refused():
     content = encode_twin(make_twin())
     with pytest.raises(TwinError, match="surface must be"):

@@ -6,13 +6,9 @@ observations y. This is the prediction-error method with a fixed gain (Ljung, Sy
 offsets, the innovations, are what parameters and effects are fitted to.
 """
 
-from typing import Any
-
 import numpy as np
 
-from egophys_core.discrepancy.effects.effect import Load, Scene
 from egophys_core.discrepancy.observed import ObservedTracks
-from egophys_core.simulation import into_world
 
 RATE = 5.0
 """w, 1/s: what the twin lacks shows over the last fifth of a second or so (docs/notes/discrepancy.md)."""
@@ -22,34 +18,27 @@ DAMPING_RATIO = 0.7
 
 
 class Pull:
-    """The action that draws the nodes of a twin towards observed tracks."""
+    """What draws the nodes of twins towards observed tracks."""
 
-    def __init__(
-        self, tracks: ObservedTracks, times: np.ndarray, *, rate: float = RATE, frame: np.ndarray | None = None
-    ) -> None:
-        """Draw towards tracks seen at `times` [T], recorded in a `frame` [4, 4] of their own."""
+    def __init__(self, tracks: ObservedTracks, times: np.ndarray, *, rate: float = RATE) -> None:
+        """Draw towards tracks seen at `times` [T]."""
         self.tracks, self.times, self.rate = tracks, times, rate
         weights = abs(tracks.weights)
         self.spread = weights.T.tocsr()
         """[N, P]: how much of a track's offset a node takes."""
         self.seen = np.isfinite(tracks.smooth).all(axis=2)
-        frame = np.eye(4) if frame is None else frame
-        self.target = into_world(np.where(self.seen[..., None], tracks.smooth, 0.0), frame)
-        self.speed = np.where(self.seen[..., None], tracks.velocities, 0.0) @ frame[:3, :3]
+        self.target = np.where(self.seen[..., None], tracks.smooth, 0.0)
+        self.speed = np.where(self.seen[..., None], tracks.velocities, 0.0)
 
-    def __call__(self, scene: Scene, memory: Any) -> tuple[Load, Any]:
-        """Accelerate the nodes towards the tracks of this frame."""
-        frame = int(np.abs(self.times - scene.time).argmin())
+    def __call__(self, time: float, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Towards the tracks of the frame at `time`, for nodes [K, N, 3]: accelerations [K, N, 3], drags [N]."""
+        frame = int(np.abs(self.times - time).argmin())
         seen = self.seen[frame]
-        offset = self.target[frame] - self.tracks.weights @ scene.positions
+        offset = self.target[frame] - self.tracks.on_twin(positions)
         damping = 2.0 * DAMPING_RATIO * self.rate
         pull = (self.rate**2 * offset + damping * self.speed[frame]) * seen[:, None]
         share = self.spread @ seen.astype(float)
         share_inverse = np.where(share > 0, 1.0 / np.maximum(share, 1e-9), 0.0)
-        return (
-            Load(
-                acceleration=(self.spread @ pull) * share_inverse[:, None],
-                drag=np.where(share > 0, damping, 0.0),
-            ),
-            None,
-        )
+        flat = pull.transpose(1, 0, 2).reshape(len(seen), -1)
+        accelerations = (self.spread @ flat).reshape(len(share), -1, 3).transpose(1, 0, 2)
+        return accelerations * share_inverse[:, None], np.where(share > 0, damping, 0.0)

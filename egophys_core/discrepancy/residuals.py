@@ -18,7 +18,7 @@ from egophys_core.discrepancy.observer import RATE, Pull
 from egophys_core.episode import Episode
 from egophys_core.identification import FitProblem, prepare
 from egophys_core.identification.rest_shape import farthest_points, observed_at_rest
-from egophys_core.simulation import Controls, RolloutBatch, batch_of_models, rollout, with_actions
+from egophys_core.simulation import Controls, batch_of_models, rollout, with_actions
 from egophys_core.twin import ObjectModel
 
 BLOCK_S = 0.2
@@ -125,22 +125,12 @@ def track_offsets(
         starts=[problem.start] * count,
         ground_height=problem.episode.ground_height,
     )
-    pulls = _pulls(observation, batch)
-    pulled = tuple((*pull, *more) for pull, more in zip(pulls, actions or [()] * count, strict=True))
-    result = rollout(with_actions(batch, pulled))
+    # Nothing draws free rollouts.
+    pull = None if observation.free else Pull(observation.tracks, problem.episode.times, rate=observation.rate)
+    result = rollout(with_actions(batch, tuple(actions or [()] * count), pull=pull))
     measured = observation.tracks.positions[observation.first :]
     offsets = np.stack([measured - observation.tracks.on_twin(positions) for positions in result.positions])
     return offsets, np.array([failure is not None for failure in result.failures])
-
-
-def _pulls(observation: Observation, batch: RolloutBatch) -> list[tuple[Action, ...]]:
-    """Per rollout what draws it to the tracks: nothing in free rollouts."""
-    if observation.free:
-        return [()] * batch.count
-    tracks, times, rate = observation.tracks, observation.problem.episode.times, observation.rate
-    if batch.frames is None:
-        return [(Pull(tracks, times, rate=rate),)] * batch.count
-    return [(Pull(tracks, times, rate=rate, frame=frame),) for frame in batch.frames]
 
 
 def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 """RolloutBatch: everything K rollouts need, with graphs and parameters of their own."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +10,10 @@ from egophys_core.errors import SimulationError
 from egophys_core.simulation.controls import Controls
 from egophys_core.simulation.effects import ForceEffect
 from egophys_core.twin import PhysicalParameters
+
+Pull = Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""From seconds since the start of an episode and nodes [K, N, 3], metres, in the frames of their records: accelerations
+[K, N, 3], m/s^2, there, and drags [N], 1/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +53,8 @@ class RolloutBatch:
     """Forces beyond the base simulator's."""
     actions: tuple[tuple[Action, ...], ...] = ()
     """K tuples of what decides on loads frame by frame (`loads.with_actions`), or none at all."""
-
+    pull: Pull | None = None
+    """What draws the nodes of all rollouts alike."""
     frames: np.ndarray | None = None
     """[K, 4, 4] frames in which results are given (`simulation.frames`); None where all are the world."""
 

@@ -134,7 +134,8 @@ class Engine:
     def _loaded(self, loads: Loads, frame: int, segment: Segment) -> Segment:
         """Put the loads of this frame on the device; the segment with as many substeps as they ask for."""
         before = loads.grip_shifts
-        after = loads.act(self._scenes(frame, segment))
+        positions = self.node_positions()
+        after = loads.act(float(self.times[frame]), positions, self._scenes(frame, segment, positions))
         if before.any() or after.any():
             record = np.stack([controls.positions[frame : frame + 2] for controls in self.batch.controls])
             self.controllers[:, frame] = record[:, 0] + before
@@ -148,9 +149,12 @@ class Engine:
         rates = [(rate * stiffer, slow) for (rate, slow), stiffer in zip(segment.rates, stiffening, strict=True)]
         return replace(segment, substeps=self._substeps(segment.durations, rates))
 
-    def _scenes(self, frame: int, segment: Segment) -> list[Scene | None]:
-        positions, velocities = self.node_positions(), self.node_velocities()
+    def _scenes(self, frame: int, segment: Segment, positions: np.ndarray) -> list[Scene | None]:
+        """Per rollout what its actions see; None where there is nothing to see or none to see it."""
         batch = self.batch
+        if not any(batch.actions):
+            return [None] * batch.count
+        velocities = self.node_velocities()
         return [
             Scene(
                 time=float(self.times[frame]),
@@ -167,7 +171,7 @@ class Engine:
                 contact_height=batch.ground_height + batch.parameters[row].contact_radius,
                 gravity=batch.parameters[row].gravity,
             )
-            if self.failures[row] is None
+            if batch.actions[row] and self.failures[row] is None
             else None
             for row in range(batch.count)
         ]

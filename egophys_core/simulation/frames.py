@@ -11,6 +11,11 @@ def into_world(points: np.ndarray, frame: np.ndarray) -> np.ndarray:
     return np.asarray((points - frame[:3, 3]) @ frame[:3, :3])
 
 
+def into_world_directions(vectors: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Accelerations [K, ..., 3] that `frames` [K, 4, 4] record, m/s^2, as they are in the world."""
+    return np.asarray(np.einsum("kij,k...i->k...j", frames[:, :3, :3], vectors))
+
+
 def into_record(points: np.ndarray, frames: np.ndarray) -> np.ndarray:
     """Points [K, ..., 3] of the world, metres, as each of `frames` [K, 4, 4] records them."""
     turned = into_record_directions(points, frames)

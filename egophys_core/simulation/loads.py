@@ -11,8 +11,9 @@ import numpy as np
 import warp as wp
 
 from egophys_core.discrepancy.effects.effect import Action, Scene
-from egophys_core.simulation.batch import RolloutBatch
+from egophys_core.simulation.batch import Pull, RolloutBatch
 from egophys_core.simulation.effects import ForceEffect
+from egophys_core.simulation.frames import into_record, into_world_directions
 from egophys_core.simulation.lanes import Lanes
 from egophys_core.simulation.state import ParameterArrays, StateArrays
 
@@ -45,19 +46,21 @@ def add_node_loads(
             forces[group, node, axis] += wp.cw_mul(mass, change)
 
 
-def with_actions(batch: RolloutBatch, actions: tuple[tuple[Action, ...], ...]) -> RolloutBatch:
-    """The batch with further actions, K tuples of them, one per rollout.
+def with_actions(
+    batch: RolloutBatch, actions: tuple[tuple[Action, ...], ...], *, pull: Pull | None = None
+) -> RolloutBatch:
+    """The batch with further actions, K tuples of them, one per rollout, and what draws all rollouts alike.
 
-    Actions come with an effect that brings their loads to the kernels, the last one of the batch.
+    They come with an effect that brings their loads to the kernels, the last one of the batch.
     """
-    if not any(actions):
+    if not any(actions) and pull is None:
         return batch
     joined = tuple((*old, *new) for old, new in zip(batch.actions, actions, strict=True)) if batch.actions else actions
     effects = batch.effects
     if not batch.actions:
         numbers = np.zeros((batch.count, PER_NODE * batch.positions.shape[1]), np.float32)
         effects = (*effects, ForceEffect(add_forces=add_node_loads, numbers=numbers))
-    return replace(batch, actions=joined, effects=effects)
+    return replace(batch, actions=joined, pull=pull or batch.pull, effects=effects)
 
 
 class Loads:
@@ -75,41 +78,58 @@ class Loads:
         self.springs_change = False
         """Whether any load has changed springs since the last frame."""
 
-    def act(self, scenes: list[Scene | None]) -> np.ndarray:
-        """Let all actions act on the scenes of the rollouts (None for one that diverged).
+    def act(self, time: float, positions: np.ndarray, scenes: list[Scene | None]) -> np.ndarray:
+        """Let the pull and all actions act on the rollouts.
+
+        Args:
+            time: seconds since the start of the episode.
+            positions: [K, N, 3] metres, of the nodes, world; not finite where a rollout diverged.
+            scenes: K, None where a rollout diverged or has no actions.
 
         Returns:
             [K, C, 3] metres: where controller points are at the end of the frame, away from their record.
         """
-        width = PER_NODE * self.batch.positions.shape[1]
+        node_loads = self._pulls(time, positions)
         shifts = np.zeros_like(self.grip_shifts)
         self.springs_change = False
         for row, scene in enumerate(scenes):
             if scene is None:
                 continue
-            node_loads = np.zeros((self.batch.positions.shape[1], PER_NODE))
             factor, rest_shift = None, None
             for index, action in enumerate(self.batch.actions[row]):
                 load, self.memories[row][index] = action(scene, self.memories[row][index])
                 if load.acceleration is not None:
-                    node_loads[:, :3] += load.acceleration
+                    node_loads[row, :, :3] += load.acceleration
                 if load.drag is not None:
-                    node_loads[:, 3] += load.drag
+                    node_loads[row, :, 3] += load.drag
                 if load.stiffness_factor is not None:
                     factor = load.stiffness_factor if factor is None else factor * load.stiffness_factor
                 if load.rest_shift is not None:
                     rest_shift = load.rest_shift if rest_shift is None else rest_shift + load.rest_shift
                 if load.grip_shift is not None:
                     shifts[row] += load.grip_shift
-            self.numbers[row, -width:] = node_loads.ravel()
             if factor is not None:
                 factor = np.clip(factor, LEAST_STIFFNESS_FACTOR, LARGEST_STIFFNESS_FACTOR)
                 self.stiffness[row] = self.batch.stiffness[row] * factor
             if rest_shift is not None:
                 self.rest_lengths[row] = self.batch.rest_lengths[row] + rest_shift
             self.springs_change |= factor is not None or rest_shift is not None
+        self.numbers[:, -node_loads[0].size :] = node_loads.reshape(len(node_loads), -1)
         self.grip_shifts = shifts
         return shifts
+
+    def _pulls(self, time: float, positions: np.ndarray) -> np.ndarray:
+        """[K, N, PER_NODE] the pull on all rollouts, in the frames of their records; 0 where one diverged."""
+        loads = np.zeros((*positions.shape[:2], PER_NODE))
+        if self.batch.pull is None:
+            return loads
+        frames = self.batch.frames
+        running = np.isfinite(positions).all(axis=(1, 2))
+        there = positions[running].astype(np.float64)
+        acceleration, drag = self.batch.pull(time, there if frames is None else into_record(there, frames[running]))
+        loads[running, :, :3] = acceleration if frames is None else into_world_directions(acceleration, frames[running])
+        loads[running, :, 3] = drag
+        return loads
 
     def stiffening(self) -> np.ndarray:
         """[K] largest factor, at least 1, by which the present loads stiffen a spring of each rollout."""

@@ -9,13 +9,16 @@ The weights are found once and then follow the neighbours by their ids.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 from scipy.spatial import cKDTree
 
 from egophys_core.errors import EpisodeError
 
 NEIGHBOURS = 8
 """A point inside a square grid has this many around it."""
+
+NEARLY = 1e-8
+"""Slope of the squares, in units of the reach, below which a mixture is the nearest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,5 +84,17 @@ def _nearest_mixture(offsets: np.ndarray) -> np.ndarray:
     leaves d^2 / (1 + d^2), d = |sum v q|, which is least where d is: the soft sum moves s alone.
     """
     system = np.vstack([offsets.T, np.ones(len(offsets))])
-    weights = nnls(system, np.append(np.zeros(offsets.shape[1]), 1.0))[0]
+    weights = _nonnegative_least_squares(system, np.append(np.zeros(offsets.shape[1]), 1.0))
     return weights / weights.sum()
+
+
+def _nonnegative_least_squares(system: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """[K] the x, at least 0, for which |system x - target| is least, system [D, K].
+
+    SciPy's `nnls` returns other points now and then since 1.15 (scipy issue 25389), so what it says is checked.
+    """
+    found = nnls(system, target)[0]
+    slopes = system.T @ (system @ found - target)
+    if (slopes > -NEARLY).all() and (np.abs(slopes[found > 0]) < NEARLY).all():
+        return np.asarray(found)
+    return np.asarray(lsq_linear(system, target, bounds=(0.0, np.inf), method="bvls").x)

@@ -67,6 +67,14 @@ def test_works_in_the_image_too():
     assert mixture(SQUARE[:, :2], [0.3, 0.6]) == pytest.approx([0.3, 0.6])
 
 
+def test_place_is_the_nearest_also_where_the_solver_of_scipy_is_wrong(monkeypatch):
+    generator = np.random.default_rng(0)
+    points, wanted = generator.uniform(0, 1, (40, 3)), generator.uniform(0.2, 0.8, (10, 3))
+    right = identify(points, wanted, 0.6).follow(points[None])
+    monkeypatch.setattr("egophys_core.evaluation.places.nnls", lambda system, target: (np.eye(system.shape[1])[0], 0.0))
+    assert identify(points, wanted, 0.6).follow(points[None]) == pytest.approx(right, abs=1e-6)
+
+
 def test_bad_input_is_refused():
     with pytest.raises(EpisodeError, match="one D"):
         identify(SQUARE, SQUARE[:, :2], 1.0)

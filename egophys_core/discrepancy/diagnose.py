@@ -106,7 +106,7 @@ def diagnose_observed(
     model = replace(twin.model, effects=())
     progress("refit the twin as it is", 0.05)
     base = base_fit(observations, model, iterations=BASE_REFITS * options.refit_iterations)
-    inquiry = Inquiry(observations=observations, options=options, seed=seed)
+    inquiry = Inquiry(observations=observations, proofs=report_on, options=options, seed=seed)
     first = search(
         inquiry, base.fitted, without, lambda stage, share: progress(stage, 0.2 + 0.4 * share), others=base.others
     )

@@ -1,14 +1,13 @@
 """Judging: refit the twin with an effect, and hold it against the same refit without."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from egophys_core.discrepancy.diagnosis import Estimate
 from egophys_core.discrepancy.effects import effect_named
-from egophys_core.discrepancy.knobs import Knob, effect_knobs, part_way, turned, with_effect
-from egophys_core.discrepancy.leaps import leapt
+from egophys_core.discrepancy.knobs import Knob, effect_knobs
 from egophys_core.discrepancy.linear import (
     TRUST,
     LinearProblem,
@@ -20,13 +19,9 @@ from egophys_core.discrepancy.linear import (
     resampled_steps,
     trusted_columns,
 )
-from egophys_core.discrepancy.ranking import Ranked
-from egophys_core.discrepancy.refit import Fitted, refit, refit_further, robust_loss
+from egophys_core.discrepancy.refit import Fitted, cell_losses, refit, refit_further
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
-
-SHARES = (0.25, 0.5, 1.0, 2.0)
-"""Of the way to the linear optimum at which a refit may start; it lies short of or beyond the true one."""
 
 FINALISTS, TRIAL_STEPS = 3, 1
 """Starts that are refitted, and by how many steps, before the best of them is refitted to the end."""
@@ -53,6 +48,8 @@ class Judged:
     """Of their sum, over resampled blocks."""
     episode_gains: np.ndarray
     """[E] held-out gain in each episode when it was left out as a whole; nan with one episode."""
+    proof_gains: np.ndarray
+    """[R] gain in each episode that took no part in the fit."""
     parameters: dict[str, Estimate]
     episodes_agree: bool
 
@@ -76,26 +73,24 @@ def judge(
     observations: Sequence[Observation],
     before: Fitted,
     without: LinearProblem,
-    ranked: Ranked,
+    name: str,
+    starts: Sequence[ObjectModel],
     *,
-    earlier: ObjectModel | None,
-    others: Sequence[ObjectModel],
     iterations: int,
     bootstraps: int,
     seed: int,
 ) -> Judged:
-    """Refit `before` jointly with an effect from its linear optimum, and hold both against left-out data.
+    """Refit the twin jointly with an effect, and hold it and `before` against left-out data.
 
     Args:
         without: the linear problem at `before`.
-        earlier: where a refit with the effect ended on a coarser scale; where this one starts, if there is one.
-        others: twins without the effect at which the joint refit may start as well.
+        starts: twins with the effect from which refits start, the best first; of `FINALISTS` the best is refitted on.
     """
-    name = ranked.name
     own = effect_knobs(effect_named(name))
     knobs = (*before.knobs, *own)
-    starts = [earlier] if earlier else _starts(observations, before, ranked, others)[:FINALISTS]
-    trials = [refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=before.scale) for start in starts]
+    trials = [
+        refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=before.scale) for start in starts[:FINALISTS]
+    ]
     best = min(trials, key=lambda each: each.loss)
     fitted = refit_further(observations, best, iterations=iterations)
     problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
@@ -125,39 +120,23 @@ def judge(
                 for index in range(count)
             ]
         ),
+        proof_gains=np.zeros(0),
         parameters=_estimates(fitted, own, resampled),
         episodes_agree=_agree(problem, fitted.model, own, resampled),
     )
 
 
-def _starts(
-    observations: Sequence[Observation], before: Fitted, ranked: Ranked, others: Sequence[ObjectModel]
-) -> list[ObjectModel]:
-    """The best point of each way to the effect, the best first.
+def proven(judged: Sequence[Judged], before: Fitted, proofs: Sequence[Observation]) -> list[Judged]:
+    """Effects with what they gain, as fitted, in episodes that took no part in the fit.
 
-    An object that falls over where the real one lies still is far from anything linear; and what a twin without the
-    effect was bent to, to make up for it, may hold the effect back. So the way to the linear optimum is tried with and
-    without the base's share, from `others` as well, and beside it the ways to all starts of the effect.
+    Args:
+        before: the twin without them, refitted as much.
     """
-    effect = ranked.probe.effect
-    base = np.array([knob.position(before.model) for knob in before.knobs])
-    optima = [part_way(effect, ranked.values, share) for share in SHARES]
-    ways = [
-        [
-            with_effect(turned(before.model, before.knobs, moved), effect.name, values)
-            for share, values in zip(SHARES, optima, strict=True)
-            for moved in (base, base + min(share, 1.0) * ranked.base_steps)
-        ],
-        *([with_effect(other, effect.name, values) for values in optima] for other in others),
-        *(leapt(before.model, effect, start) for start in ranked.starts),
-    ]
-    way = np.repeat(np.arange(len(ways)), [len(each) for each in ways])
-    models = [model for each in ways for model in each]
-    found = residuals(observations, models)
-    scores = [robust_loss([each[row] for each in found], before.scale) for row in range(len(models))]
-    order = np.argsort(scores)
-    _, firsts = np.unique(way[order], return_index=True)
-    return [models[order[first]] for first in sorted(firsts)]
+    found = residuals(proofs, [before.model, *(each.fitted.model for each in judged)])
+    losses = np.array([cell_losses(each, before.scale).sum(axis=(1, 2)) for each in found]).reshape(len(found), -1)
+    # Where the twin without an effect diverges, nothing is held against one with an effect, nor for it.
+    gains = [np.where(np.isfinite(losses[:, 0]), losses[:, 0] - each, 0.0) for each in losses[:, 1:].T]
+    return [replace(each, proof_gains=gain) for each, gain in zip(judged, gains, strict=True)]
 
 
 def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:

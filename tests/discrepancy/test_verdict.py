@@ -29,6 +29,7 @@ def judged(name: str, gain: float, **changes) -> Judged:
         "block_gains": np.full(20, gain / 20),
         "gain_ci95": (0.5 * gain, 1.5 * gain),
         "episode_gains": np.array([gain / 2, gain / 2]),
+        "proof_gains": np.zeros(0),
         "parameters": {
             key: Estimate(value=value, unit="1", ci95=(0.5 * value, 2 * value)) for key, value in numbers.items()
         },

@@ -13,10 +13,10 @@ from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.discrepancy.diagnose import Finding, diagnose, diagnose_observed
 from egophys_core.discrepancy.diagnosis import Diagnosis, Outcome
 from egophys_core.discrepancy.effects import effect_named
+from egophys_core.discrepancy.inquiry import Progress
 from egophys_core.discrepancy.markers import effects_untold, observe_markers
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.saving import EFFECT_TEXTS, require_new_folder, save_finding
-from egophys_core.discrepancy.search import Progress
 from egophys_core.episode import Episode
 from egophys_core.identification.markers import is_sparse
 from egophys_core.recording import read_episode

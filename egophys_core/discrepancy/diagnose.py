@@ -17,12 +17,13 @@ from egophys_core.discrepancy.diagnosis import (
 )
 from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.free_rollouts import FreeErrors, episode_error, free_errors
+from egophys_core.discrepancy.inquiry import Inquiry, Progress
 from egophys_core.discrepancy.judging import Judged
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.ranking import Ranked
 from egophys_core.discrepancy.refit import Fitted, refit_further
 from egophys_core.discrepancy.residuals import Observation, observe, track_offsets
-from egophys_core.discrepancy.search import Inquiry, Progress, Search, search
+from egophys_core.discrepancy.search import Search, search
 from egophys_core.discrepancy.where import where
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError

@@ -1,4 +1,4 @@
-"""Judging: refit the twin with an effect, and hold it against the same refit without."""
+"""Judging: hold the twin refitted with an effect against the same refit without."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ import numpy as np
 
 from egophys_core.discrepancy.diagnosis import Estimate
 from egophys_core.discrepancy.effects import effect_named
-from egophys_core.discrepancy.knobs import Knob, effect_knobs
+from egophys_core.discrepancy.knobs import Knob
 from egophys_core.discrepancy.linear import (
     TRUST,
     LinearProblem,
@@ -19,12 +19,9 @@ from egophys_core.discrepancy.linear import (
     resampled_steps,
     trusted_columns,
 )
-from egophys_core.discrepancy.refit import Fitted, cell_losses, refit, refit_further
+from egophys_core.discrepancy.refit import Fitted, cell_losses
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
-
-FINALISTS, TRIAL_STEPS = 3, 1
-"""Starts that are refitted, and by how many steps, before the best of them is refitted to the end."""
 
 ALIKE = 0.4
 """Share of an effect's size by which episodes may differ however small the errors: a twin is not that exact."""
@@ -69,30 +66,15 @@ class Judged:
         return {name: each.value for name, each in self.parameters.items()}
 
 
-def judge(
-    observations: Sequence[Observation],
-    before: Fitted,
-    without: LinearProblem,
-    name: str,
-    starts: Sequence[ObjectModel],
-    *,
-    iterations: int,
-    bootstraps: int,
-    seed: int,
-) -> Judged:
-    """Refit the twin jointly with an effect, and hold it and `before` against left-out data.
+def judge(name: str, fitted: Fitted, before: Fitted, without: LinearProblem, *, bootstraps: int, seed: int) -> Judged:
+    """Hold the twin refitted with an effect, and without, against left-out data.
 
     Args:
-        without: the linear problem at `before`.
-        starts: twins with the effect from which refits start, the best first; of `FINALISTS` the best is refitted on.
+        fitted: its last knobs are those of the effect.
+        before: without the effect.
+        without: the linear problem there.
     """
-    own = effect_knobs(effect_named(name))
-    knobs = (*before.knobs, *own)
-    trials = [
-        refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=before.scale) for start in starts[:FINALISTS]
-    ]
-    best = min(trials, key=lambda each: each.loss)
-    fitted = refit_further(observations, best, iterations=iterations)
+    own = fitted.knobs[len(before.knobs) :]
     problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
     # What is the object's stays as all data fitted it, with the effect and without: slopes of the base, followed far
     # when a stretch is left out, say more of their own errors than of the effect. How much of the effect there is, is
@@ -104,7 +86,7 @@ def judge(
         known - _by_block(problem, left_out_losses(problem, effect, groups))
         for groups in (problem.fold, problem.episode)
     )
-    count = len(observations)
+    count = int(problem.episode.max()) + 1
     resampled = resampled_steps(problem, resamples=bootstraps, seed=seed)
     return Judged(
         name=name,

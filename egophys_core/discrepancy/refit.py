@@ -34,6 +34,9 @@ LEAST_SCALE = 1e-3
 LEAST_GAIN = 0.5
 """Improvement of the loss below which a refit ends."""
 
+FINALISTS, TRIAL_STEPS = 3, 1
+"""Starts that are refitted, and by how many steps, before the best of them is refitted to the end."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Fitted:
@@ -120,6 +123,23 @@ def refit_further(observations: Sequence[Observation], fitted: Fitted, *, iterat
         model, here = trials[best], positions[best]
         found, jacobian = linearised(observations, model, knobs)
     return Fitted(model=model, residuals=found, jacobian=jacobian, knobs=knobs, scale=scale)
+
+
+def refit_from(
+    observations: Sequence[Observation],
+    starts: Sequence[ObjectModel],
+    knobs: Sequence[Knob],
+    *,
+    scale: float,
+    iterations: int,
+) -> Fitted:
+    """The refit from the best of the first few starts.
+
+    Args:
+        starts: the best first; of `FINALISTS` of them the best is refitted to the end.
+    """
+    trials = [refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=scale) for start in starts[:FINALISTS]]
+    return refit_further(observations, min(trials, key=lambda each: each.loss), iterations=iterations)
 
 
 def _objective(found: Sequence[np.ndarray], scale: float, moved: np.ndarray) -> float:

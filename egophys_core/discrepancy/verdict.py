@@ -14,17 +14,17 @@ from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.judging import Judged, interval_of_sum
 from egophys_core.twin import ObjectKind
 
-LEAST_GAIN = 60.0
+LEAST_GAIN = 40.0
 """Gain in log-likelihood that an effect must reach to be named if it stands alone."""
 
-CROWDED_GAIN = 75.0
+CROWDED_GAIN = 55.0
 """Gain it must reach beside others that gain more than half as much."""
 
 FEW_PARAMETERS, PARAMETER_GAIN = 2, 10.0
 """Each number of an effect beyond so many asks for so much more: what has a place, a time and a direction soaks up more
 of a mismatch (a force to and fro gained 80 in a towel without an effect that was pulled over the table)."""
 
-SECOND_GAIN = 100.0
+SECOND_GAIN = 80.0
 """Gain that an effect, or a structure, must reach beside a named one: what is left then is mismatch for the most part
 (a toy whose lump was named asked for a tether besides, with a gain of 79; one that slips, for a lump, with 216, which
 made one of its episodes worse). So it must help in every episode that is left out, too."""
@@ -45,7 +45,7 @@ RESAMPLES = 500
 REFUTED = 0.2
 """Share of an effect's gain that an episode, left out, may lose with it."""
 
-STRUCTURE_GAIN = 80.0
+STRUCTURE_GAIN = 65.0
 """Held-out gain of a generic law, or of an effect that is not accepted, from which a residual is called structured."""
 
 
@@ -97,6 +97,7 @@ def acceptable(judged: Judged, p_null: float) -> bool:
         and judged.gain_ci95[0] > 0.0
         and p_null <= LARGEST_P
         and (len(lost) == 0 or lost.sum() > 0.0)
+        and not disproven(judged)
         and differs_from_null(judged)
         and not at_bound(judged)
         and beyond_the_graph(judged)
@@ -107,6 +108,11 @@ def acceptable(judged: Judged, p_null: float) -> bool:
 def refuted(judged: Judged) -> bool:
     """Whether the size that the other episodes ask for makes one clearly worse; one that shows little of it may not."""
     return bool((judged.episode_gains < -REFUTED * judged.gain).any())
+
+
+def disproven(judged: Judged) -> bool:
+    """Whether the episodes that took no part in the fit say nothing for it, or speak against it."""
+    return len(judged.proof_gains) > 0 and float(judged.proof_gains.sum()) <= 0.0
 
 
 def needed(judged: Judged, others: Sequence[Judged]) -> float:
@@ -124,6 +130,11 @@ def freedom(judged: Judged) -> float:
 def akin(one: str, other: str) -> bool:
     """Whether one effect contains the other."""
     return other in SPECIAL_CASES.get(one, ()) or one in SPECIAL_CASES.get(other, ())
+
+
+def simpler_than(name: str) -> set[str]:
+    """Special cases of an effect, and what is the same thing under another name."""
+    return {*SPECIAL_CASES.get(name, ()), *(THE_SAME if name in THE_SAME else ())} - {name}
 
 
 def beaten(judged: Judged, best: Judged) -> bool:
@@ -200,7 +211,8 @@ def decide(
         and (not second or bool((each.episode_gains > 0.0).all()))
     ]
     good = [each for each in good if not needless(each, good)]
-    near = [each for each in ordered if good and each is not good[0] and not beaten(each, good[0])]
+    likely = [each for each in ordered if not disproven(each)]
+    near = [each for each in likely if good and each is not good[0] and not beaten(each, good[0])]
     rivals = [each for each in near if any(each is other for other in good)]
     # One thing under two names, whose refits may end at different heights.
     named = {each.name for each in (*good[:1], *rivals)}
@@ -208,7 +220,7 @@ def decide(
     near = [each for each in near if not akin(each.name, good[0].name)]
     if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.
-        structure = max([law_gain, *(each.gain - freedom(each) for each in ordered if p_null[each.name] <= LARGEST_P)])
+        structure = max([law_gain, *(each.gain - freedom(each) for each in likely if p_null[each.name] <= LARGEST_P)])
         if structure >= max(STRUCTURE_GAIN, least):
             return Verdict(
                 outcome=Outcome.UNEXPLAINED,

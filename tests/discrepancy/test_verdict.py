@@ -56,6 +56,23 @@ def test_beside_others_that_gain_alike_more_is_asked_for():
     assert (alone.outcome, crowded.outcome) == (Outcome.NAMED, Outcome.NONE)
 
 
+def test_what_episodes_that_were_not_fitted_speak_against_is_not_named():
+    proven, disproven = (
+        [judged("quadratic_drag", CLEAR, proof_gains=np.array(gains))] for gains in ([40, -20], [20, -40])
+    )
+    assert decide(proven, P, 0.0, 2).outcome == Outcome.NAMED
+    assert decide(disproven, P, 0.0, 2).outcome == Outcome.NONE
+
+
+def test_a_rival_that_they_speak_against_leaves_nothing_ambiguous():
+    effects = [
+        judged("quadratic_drag", CLEAR, proof_gains=np.array([20.0])),
+        judged("control_delay", 1.1 * CLEAR, proof_gains=np.array([-20.0])),
+    ]
+    verdict = decide(effects, P, 0.0, 2)
+    assert (verdict.outcome, [each.name for each in verdict.judged]) == (Outcome.NAMED, ["quadratic_drag"])
+
+
 def test_an_effect_of_many_numbers_needs_more():
     gain = LEAST_GAIN + 1.0
     numbers = {name: Estimate(value=0.1, unit="1", ci95=(0.05, 0.2)) for name in ("x", "y", "z", "radius", "fraction")}

@@ -1,0 +1,94 @@
+"""The contest: effects that are worth it are refitted, then those that mimic the best, then the twin without any.
+
+A refit ends in the nearest of many optima. So that none wins by a better start alone, what mimics the best effect
+starts from where that one led as well, and so does, at last, the twin without an effect.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from egophys_core.discrepancy.effects import effect_named
+from egophys_core.discrepancy.inquiry import Inquiry, Progress
+from egophys_core.discrepancy.knobs import effect_knobs, effect_values
+from egophys_core.discrepancy.ranking import Ranked
+from egophys_core.discrepancy.refit import Fitted, refit_from
+from egophys_core.discrepancy.starts import starts_beside, starts_from_rival
+from egophys_core.discrepancy.verdict import LEAST_GAIN, simpler_than
+from egophys_core.twin import ObjectModel
+
+MIMICS = 2
+"""Effects beyond the shortlist that are refitted because they mimic the best of it."""
+
+WORTH_ANOTHER = 0.3
+"""Share of the best effect's gain from which one that mimics it is refitted from where the best one led, too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contest:
+    """How it ended."""
+
+    before: Fitted
+    """Without an effect."""
+    fits: dict[str, Fitted]
+    """With each effect by name."""
+
+
+def contest(
+    inquiry: Inquiry,
+    before: Fitted,
+    effects: Mapping[str, Ranked],
+    chosen: Collection[str],
+    reserve: Sequence[str],
+    progress: Progress,
+    *,
+    earlier: Mapping[str, ObjectModel],
+    others: Sequence[ObjectModel],
+) -> Contest:
+    """Refit the effects, those that turn out to be like the best, and the twin without any.
+
+    Args:
+        before: the twin without an effect.
+        effects: the whole library, by name.
+        chosen: names of those that are refitted in any case.
+        reserve: names of those that are if they mimic the best of these, the likeliest first.
+        earlier: by name, where refits ended on a coarser scale; these start there.
+        others: twins without an effect at which refits may start as well.
+    """
+    observations, scale, iterations = inquiry.observations, before.scale, inquiry.options.refit_iterations
+    fits: dict[str, Fitted] = {}
+
+    def refit_with(name: str, starts: Sequence[ObjectModel]) -> Fitted:
+        knobs = (*before.knobs, *effect_knobs(effect_named(name)))
+        return refit_from(observations, starts, knobs, scale=scale, iterations=iterations)
+
+    def gain(name: str) -> float:
+        return before.loss - fits[name].loss
+
+    def own_starts(name: str) -> list[ObjectModel]:
+        return [earlier[name]] if name in earlier else starts_beside(observations, before, effects[name], others)
+
+    for index, name in enumerate(chosen):
+        progress(f"refit with {name}", 0.5 * index / len(chosen))
+        fits[name] = refit_with(name, own_starts(name))
+    best = max(fits, key=gain, default="")
+    if best and gain(best) >= LEAST_GAIN:
+        for name in [each for each in reserve if each in effect_named(best).mimics][:MIMICS]:
+            progress(f"refit with {name}", 0.5)
+            fits[name] = refit_with(name, own_starts(name))
+        best = max(fits, key=gain)
+        near = {name for name in fits if gain(name) >= WORTH_ANOTHER * gain(best)}
+        again = {*near.intersection(effect_named(best).mimics), *simpler_than(best).intersection(effects)}
+        for name in sorted(again):
+            progress(f"refit with {name} from where {best} led", 0.7)
+            ends = [fits[name].model] if name in fits else []
+            values = effect_values(ends[0], name) if ends else effects[name].values
+            fits[name] = refit_with(
+                name, [*ends, *starts_from_rival(observations, effects[name], values, fits[best].model, scale)]
+            )
+    if fits:
+        progress("refit without an effect from where effects led", 0.9)
+        led = [fits[name].model for name in sorted(fits, key=gain, reverse=True)]
+        starts = [replace(model, effects=model.effects[:-1]) for model in led]
+        relieved = refit_from(observations, starts, before.knobs, scale=scale, iterations=iterations)
+        before = min(before, relieved, key=lambda each: each.loss)
+    return Contest(before=before, fits=fits)

@@ -13,7 +13,7 @@ from egophys_core.discrepancy.knobs import effect_knobs, effect_values
 from egophys_core.discrepancy.ranking import Ranked
 from egophys_core.discrepancy.refit import Fitted, refit_from
 from egophys_core.discrepancy.starts import starts_beside, starts_from_rival
-from egophys_core.discrepancy.verdict import LEAST_GAIN, simpler_than
+from egophys_core.discrepancy.verdict import LEAST_GAIN, kin
 from egophys_core.twin import ObjectModel
 
 MIMICS = 2
@@ -77,7 +77,7 @@ def contest(
             fits[name] = refit_with(name, own_starts(name))
         best = max(fits, key=gain)
         near = {name for name in fits if gain(name) >= WORTH_ANOTHER * gain(best)}
-        again = {*near.intersection(effect_named(best).mimics), *simpler_than(best).intersection(effects)}
+        again = {*near.intersection(effect_named(best).mimics), *kin(best).intersection(effects)}
         for name in sorted(again):
             progress(f"refit with {name} from where {best} led", 0.7)
             ends = [fits[name].model] if name in fits else []

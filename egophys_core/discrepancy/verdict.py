@@ -127,14 +127,9 @@ def freedom(judged: Judged) -> float:
     return PARAMETER_GAIN * max(0, len(judged.parameters) - FEW_PARAMETERS)
 
 
-def akin(one: str, other: str) -> bool:
-    """Whether one effect contains the other."""
-    return other in SPECIAL_CASES.get(one, ()) or one in SPECIAL_CASES.get(other, ())
-
-
-def simpler_than(name: str) -> set[str]:
-    """Special cases of an effect, and what is the same thing under another name."""
-    return {*SPECIAL_CASES.get(name, ()), *(THE_SAME if name in THE_SAME else ())} - {name}
+def kin(name: str) -> set[str]:
+    """Effects that one contains, or that contain it."""
+    return {*SPECIAL_CASES.get(name, ()), *(other for other, special in SPECIAL_CASES.items() if name in special)}
 
 
 def beaten(judged: Judged, best: Judged) -> bool:
@@ -145,10 +140,16 @@ def beaten(judged: Judged, best: Judged) -> bool:
     return judged.gain < EQUAL * best.gain and low > 0.0
 
 
-def needless(judged: Judged, good: Sequence[Judged]) -> bool:
-    """Whether a special case of an effect explains about as much."""
-    special = [each for each in good if each.name in SPECIAL_CASES.get(judged.name, ())]
-    return any({judged.name, each.name} != THE_SAME and not beaten(each, judged) for each in special)
+def needless(judged: Judged, good: Sequence[Judged], likely: Sequence[Judged]) -> bool:
+    """Whether a special case of an effect explains about as much, or predicts more of what was not fitted."""
+    others = SPECIAL_CASES.get(judged.name, ())
+    if any({judged.name, each.name} != THE_SAME and not beaten(each, judged) for each in good if each.name in others):
+        return True
+    return any(
+        each.proof_gains.sum() > judged.proof_gains.sum() and each.gain >= CROWD * judged.gain
+        for each in likely
+        if each.name in others and {judged.name, each.name} != THE_SAME
+    )
 
 
 def differs_from_null(judged: Judged) -> bool:
@@ -210,14 +211,15 @@ def decide(
         and each.gain >= max(least, needed(each, ordered))
         and (not second or bool((each.episode_gains > 0.0).all()))
     ]
-    good = [each for each in good if not needless(each, good)]
     likely = [each for each in ordered if not disproven(each)]
+    good = [each for each in good if not needless(each, good, likely)]
     near = [each for each in likely if good and each is not good[0] and not beaten(each, good[0])]
     rivals = [each for each in near if any(each is other for other in good)]
-    # One thing under two names, whose refits may end at different heights.
-    named = {each.name for each in (*good[:1], *rivals)}
-    rivals += [each for each in good if each.name in THE_SAME - named and THE_SAME & named]
-    near = [each for each in near if not akin(each.name, good[0].name)]
+    if good and good[0].name in THE_SAME:
+        # One thing under two names, whose refits may end at different heights.
+        twin = [each for each in likely if each.name in THE_SAME - {other.name for other in (good[0], *rivals)}]
+        rivals += [each for each in twin if each.gain >= CROWD * good[0].gain and not refuted(each)]
+    near = [each for each in near if each.name not in kin(good[0].name)]
     if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.
         structure = max([law_gain, *(each.gain - freedom(each) for each in likely if p_null[each.name] <= LARGEST_P)])

@@ -1,0 +1,66 @@
+"""The contest: a special case gets its chance where a general effect led, and so does the twin without an effect."""
+
+from dataclasses import replace
+
+import pytest
+
+from egophys_core.discrepancy.contest import contest
+from egophys_core.discrepancy.inquiry import Inquiry
+from egophys_core.discrepancy.knobs import base_knobs, effect_values
+from egophys_core.discrepancy.linear import linear_problem
+from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.discrepancy.ranking import probe_effects, rank
+from egophys_core.discrepancy.refit import refit
+from egophys_core.discrepancy.residuals import observe
+from tests.discrepancy.rehearsed import WIND, episodes, sheet
+
+SCALE = 1e-3
+
+
+def contested(model, recorded, *chosen):
+    """A contest of effects on episodes, and the twin it begins with."""
+    observations = [observe(sheet(), episode) for episode in recorded]
+    before = refit(observations, model, base_knobs(model, clamped=False), iterations=0, scale=SCALE)
+    probes = probe_effects(observations, model, before.residuals, without=(), progress=lambda share: None)
+    ranking = rank(linear_problem(before.residuals, before.jacobian, SCALE), probes, shams=0, seed=0)
+    options = DiagnosisOptions(refit_iterations=4)
+    ended = contest(
+        Inquiry(observations=observations, proofs=(), options=options, seed=0),
+        before,
+        {each.name: each for each in ranking.ranked},
+        chosen,
+        (),
+        lambda stage, share: None,
+        earlier={},
+        others=(),
+    )
+    return before, ended
+
+
+@pytest.fixture(scope="module")
+def wind():
+    """Attraction to a point is asked whether it explains a steady wind."""
+    return contested(sheet(), episodes(WIND), "point_attraction")
+
+
+def test_the_special_case_of_what_explains_much_is_refitted_though_nobody_asked_for_it(wind):
+    _, ended = wind
+    assert {"point_attraction", "constant_body_force", "gravity_tilt"} <= set(ended.fits)
+    force = effect_values(ended.fits["constant_body_force"].model, "constant_body_force")
+    assert [force["x"], force["y"]] == pytest.approx([1.5, -1.0], abs=0.4)
+
+
+def test_with_an_effect_the_loss_is_less_and_without_it_is_no_more_than_before(wind):
+    before, ended = wind
+    assert ended.fits["constant_body_force"].loss < 0.7 * before.loss
+    assert ended.before.loss <= before.loss
+    assert ended.before.model.effects == ()
+
+
+def test_what_a_bad_twin_gains_by_an_effect_is_the_twins_and_not_the_effects():
+    """A twin that is too stiff is helped by anything that has its other numbers refitted."""
+    stiff = replace(sheet(), stiffness=5.0 * sheet().stiffness)
+    before, ended = contested(stiff, episodes(), "viscoelasticity")
+    apparent = before.loss - ended.fits["viscoelasticity"].loss
+    assert apparent > 30.0
+    assert ended.before.loss - ended.fits["viscoelasticity"].loss < 0.2 * apparent

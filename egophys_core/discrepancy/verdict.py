@@ -14,13 +14,13 @@ from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.judging import Judged, interval_of_sum
 from egophys_core.twin import ObjectKind
 
-LEAST_GAIN = 40.0
+LEAST_GAIN = 50.0
 """Gain in log-likelihood that an effect must reach to be named if it stands alone."""
 
-CROWDED_GAIN = 55.0
+CROWDED_GAIN = 60.0
 """Gain it must reach beside others that gain more than half as much."""
 
-FEW_PARAMETERS, PARAMETER_GAIN = 2, 10.0
+FEW_PARAMETERS, PARAMETER_GAIN = 2, 5.0
 """Each number of an effect beyond so many asks for so much more: what has a place, a time and a direction soaks up more
 of a mismatch (a force to and fro gained 80 in a towel without an effect that was pulled over the table)."""
 
@@ -30,7 +30,10 @@ SECOND_GAIN = 80.0
 made one of its episodes worse). So it must help in every episode that is left out, too."""
 
 CROWD = 0.5
-"""Share of an effect's gain from which another, which does not mimic it, makes a crowd."""
+"""Share of an effect's gain from which another, which does not mimic it and is not disproven, makes a crowd."""
+
+REMAINS = 0.2
+"""Share of an effect's gain that must remain where each episode is left out as a whole."""
 
 LARGEST_P = 0.05
 """Share of shams that may gain as much."""
@@ -45,7 +48,10 @@ RESAMPLES = 500
 REFUTED = 0.2
 """Share of an effect's gain that an episode, left out, may lose with it."""
 
-STRUCTURE_GAIN = 65.0
+PROVEN = 0.1
+"""Share of an effect's gain that it must gain in episodes that took no part in the fit, where there are any."""
+
+STRUCTURE_GAIN = 70.0
 """Held-out gain of a generic law, or of an effect that is not accepted, from which a residual is called structured."""
 
 
@@ -96,7 +102,7 @@ def acceptable(judged: Judged, p_null: float) -> bool:
         judged.gain >= LEAST_GAIN
         and judged.gain_ci95[0] > 0.0
         and p_null <= LARGEST_P
-        and (len(lost) == 0 or lost.sum() > 0.0)
+        and (len(lost) == 0 or lost.sum() > REMAINS * judged.gain)
         and not disproven(judged)
         and differs_from_null(judged)
         and not at_bound(judged)
@@ -112,14 +118,14 @@ def refuted(judged: Judged) -> bool:
 
 def disproven(judged: Judged) -> bool:
     """Whether the episodes that took no part in the fit say nothing for it, or speak against it."""
-    return len(judged.proof_gains) > 0 and float(judged.proof_gains.sum()) <= 0.0
+    return len(judged.proof_gains) > 0 and float(judged.proof_gains.sum()) <= PROVEN * judged.gain
 
 
 def needed(judged: Judged, others: Sequence[Judged]) -> float:
     """The gain that an effect needs beside others."""
     alike = {judged.name, *judged.mimics}
     crowd = [each for each in others if each.name not in alike and each.gain > CROWD * judged.gain]
-    return (CROWDED_GAIN if crowd else LEAST_GAIN) + freedom(judged)
+    return (CROWDED_GAIN if any(not refuted(each) for each in crowd) else LEAST_GAIN) + freedom(judged)
 
 
 def freedom(judged: Judged) -> float:
@@ -204,14 +210,14 @@ def decide(
     """
     ordered = sorted((each for each in judged if not sags(each)), key=lambda each: -each.gain)
     least = SECOND_GAIN if second else 0.0
+    likely = [each for each in ordered if not disproven(each)]
     good = [
         each
         for each in ordered
         if acceptable(each, p_null[each.name])
-        and each.gain >= max(least, needed(each, ordered))
+        and each.gain >= max(least, needed(each, likely))
         and (not second or bool((each.episode_gains > 0.0).all()))
     ]
-    likely = [each for each in ordered if not disproven(each)]
     good = [each for each in good if not needless(each, good, likely)]
     near = [each for each in likely if good and each is not good[0] and not beaten(each, good[0])]
     rivals = [each for each in near if any(each is other for other in good)]

@@ -34,6 +34,9 @@ from egophys_core.twin import ObjectModel, Provenance, Twin
 BASE_REFITS = 2
 """Times as many steps for the twin without any effect: what it still gains later on would be taken for an effect's."""
 
+PROOF = 3
+"""Of so many episodes one is not fitted: whether an effect shows there, too, says more than any fit."""
+
 LEAST_MOTION_S = 1.0
 """Seconds of handling below which an episode says nothing."""
 
@@ -63,8 +66,9 @@ def diagnose(
     """Find what a twin lacks.
 
     Args:
-        episodes: what is fitted and judged on; two motions or more, to tell the object from the motion.
-        report_on: further episodes of the object, on which only the error is reported.
+        episodes: two motions or more, to tell the object from the motion. Of three or more, without `report_on`, the
+            last third is not fitted.
+        report_on: further episodes of the object that are not fitted: an effect has to show in them, too.
         without: effects of the library to leave out.
         seed: of shams and resamples.
         progress: called with stage and share done.
@@ -102,6 +106,9 @@ def diagnose_observed(
 ) -> Finding:
     """As `diagnose`, from episodes in which the twin has its place already."""
     started = time.monotonic()
+    if not report_on:
+        fitted = len(observations) - len(observations) // PROOF
+        observations, report_on = observations[:fitted], observations[fitted:]
     for name in without:
         effect_named(name)
     model = replace(twin.model, effects=())
@@ -214,6 +221,9 @@ def _candidates(first: Search) -> tuple[Candidate, ...]:
                 held_out_gain=gain,
                 p_null=ranking.p_null(gain),
                 fitted_gain=each.fitted_gain,
+                proof_gain=float(each.proof_gains.sum())
+                if isinstance(each, Judged) and len(each.proof_gains)
+                else None,
                 values=each.values,
             )
         )

@@ -55,6 +55,8 @@ class Candidate:
     """Share of shams, regressors shifted in time, that gain as much: the largest over all candidates counts."""
     fitted_gain: float
     """Gain on what was fitted."""
+    proof_gain: float | None
+    """Gain in the episodes that took no part in the fit; None without any, or if the effect was not refitted."""
     values: dict[str, float]
     """The fitted parameters, SI units."""
 

@@ -42,6 +42,10 @@ RIVAL, EQUAL = 0.75, 0.9
 """An effect that gains `EQUAL` of the best one's gain is not told apart from it; one that gains `RIVAL` of it is if the
 difference, over blocks of time, may be chance."""
 
+LESSER = 0.4
+"""Share of a general effect's gain from which a special case is kept in its place if it predicts more of what was not
+fitted."""
+
 RESAMPLES = 500
 """Of the blocks, for that difference."""
 
@@ -152,7 +156,7 @@ def needless(judged: Judged, good: Sequence[Judged], likely: Sequence[Judged]) -
     if any({judged.name, each.name} != THE_SAME and not beaten(each, judged) for each in good if each.name in others):
         return True
     return any(
-        each.proof_gains.sum() > judged.proof_gains.sum() and each.gain >= CROWD * judged.gain
+        each.proof_gains.sum() > judged.proof_gains.sum() and each.gain >= LESSER * judged.gain
         for each in likely
         if each.name in others and {judged.name, each.name} != THE_SAME
     )

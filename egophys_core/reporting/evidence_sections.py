@@ -35,7 +35,13 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> list[
             colour=AFTER if name in named else QUIET,
             band=(0.0, mismatch_gain),
         )
-        return [element("b", name) if name in named else name, Markup(mark), figures(gain), figures(each["p_null"])]
+        return [
+            element("b", name) if name in named else name,
+            Markup(mark),
+            figures(gain),
+            figures(each["p_null"]),
+            "-" if each["proof_gain"] is None else figures(each["proof_gain"]),
+        ]
 
     details = [
         [
@@ -52,13 +58,13 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> list[
             "Bars: how much better the twin with the effect explains data it was not fitted to (gain in "
             "log-likelihood); bars of loss are cut short. Grey ground: what a twin's own mismatch gains without an "
             f"effect, {figures(mismatch_gain)} at most. p: share of sham effects, shifted in time, that gain as much; "
-            "an effect needs 0.05 or less.",
+            "an effect needs 0.05 or less. In the others: gain in the episodes that took no part in the fit.",
             class_="quiet",
         ),
         table(
-            ("effect", "held-out gain", "gain", "p"),
+            ("effect", "held-out gain", "gain", "p", "in the others"),
             [row(each) for each in candidates],
-            kinds=("", "wide", "", ""),
+            kinds=("", "wide", "", "", ""),
         ),
         element(
             "details",

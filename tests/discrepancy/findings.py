@@ -29,10 +29,20 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
         ),
         "candidates": (
             Candidate(
-                name="quadratic_drag", held_out_gain=406.0, p_null=0.005, fitted_gain=450.0, values={"coefficient": 3.8}
+                name="quadratic_drag",
+                held_out_gain=406.0,
+                p_null=0.005,
+                fitted_gain=450.0,
+                proof_gain=55.0,
+                values={"coefficient": 3.8},
             ),
             Candidate(
-                name="bending_damping", held_out_gain=-900.0, p_null=0.4, fitted_gain=4.0, values={"factor": 1.2}
+                name="bending_damping",
+                held_out_gain=-900.0,
+                p_null=0.4,
+                fitted_gain=4.0,
+                proof_gain=None,
+                values={"factor": 1.2},
             ),
         ),
         "experiment": None,

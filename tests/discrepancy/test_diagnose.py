@@ -14,7 +14,7 @@ from egophys_core.errors import DiscrepancyError, EpisodeError, TwinError
 from egophys_core.twin import load_twin
 from egophys_core.twin.parameters import GRAVITY
 from tests.discrepancy.rehearsed import WIND, episodes, sheet
-from tests.identification.synthetic import episode_of
+from tests.identification.synthetic import episode_of, make_episode
 from tests.twin.examples import make_twin
 
 QUICK = DiagnosisOptions(shortlist=2, refit_iterations=3, shams=40, bootstraps=100)
@@ -22,9 +22,9 @@ QUICK = DiagnosisOptions(shortlist=2, refit_iterations=3, shams=40, bootstraps=1
 
 @pytest.fixture(scope="module")
 def wind(tmp_path_factory):
-    """The diagnosis of a steady wind, and the folder it was saved in."""
-    recorded = episodes(WIND)
-    finding = diagnose(make_twin(sheet()), recorded[:2], QUICK)
+    """The diagnosis of a steady wind from three episodes, and the folder it was saved in."""
+    away = make_episode(replace(sheet(), effects=(WIND,)), name="away", duration=3.2, carry=(-0.1, -0.1, 0.2))
+    finding = diagnose(make_twin(sheet()), [*episodes(WIND), away], QUICK)
     folder = tmp_path_factory.mktemp("wind") / "out"
     save_finding(finding, folder)
     return finding, folder
@@ -40,6 +40,14 @@ def test_a_steady_sideways_wind_is_not_told_from_tilted_gravity(wind):
     assert [force["x"].value, force["y"].value] == pytest.approx([1.5, -1.0], abs=0.5)
     assert [-GRAVITY * tilt["about_y"].value, GRAVITY * tilt["about_x"].value] == pytest.approx([1.5, -1.0], abs=0.6)
     assert diagnosis.experiment
+
+
+def test_of_three_episodes_the_last_is_not_fitted_and_bears_the_effect_out(wind):
+    diagnosis = wind[0].diagnosis
+    assert [error.fitted for error in diagnosis.error] == [True, True, False]
+    proofs = {each.name: each.proof_gain for each in diagnosis.candidates}
+    assert proofs["constant_body_force"] > 20.0
+    assert None in proofs.values()
 
 
 def test_the_improved_twin_predicts_better_and_names_its_parent(wind):

@@ -75,16 +75,16 @@ def contest(
         for name in [each for each in reserve if each in effect_named(best).mimics][:MIMICS]:
             progress(f"refit with {name}", 0.5)
             fits[name] = refit_with(name, own_starts(name))
-        best = max(fits, key=gain)
-        near = {name for name in fits if gain(name) >= WORTH_ANOTHER * gain(best)}
-        again = {*near.intersection(effect_named(best).mimics), *kin(best).intersection(effects)}
-        for name in sorted(again):
-            progress(f"refit with {name} from where {best} led", 0.7)
-            ends = [fits[name].model] if name in fits else []
-            values = effect_values(ends[0], name) if ends else effects[name].values
-            fits[name] = refit_with(
-                name, [*ends, *starts_from_rival(observations, effects[name], values, fits[best].model, scale)]
-            )
+        leaders: set[str] = set()
+        while (best := max(fits, key=gain)) not in leaders:
+            leaders.add(best)
+            near = {name for name in fits if gain(name) >= WORTH_ANOTHER * gain(best)}
+            for name in sorted({*near.intersection(effect_named(best).mimics), *kin(best).intersection(effects)}):
+                progress(f"refit with {name} from where {best} led", 0.7)
+                ends = [fits[name].model] if name in fits else []
+                values = effect_values(ends[0], name) if ends else effects[name].values
+                starts = starts_from_rival(observations, effects[name], values, fits[best].model, scale)
+                fits[name] = refit_with(name, [*ends, *starts])
     if fits:
         progress("refit without an effect from where effects led", 0.9)
         led = [fits[name].model for name in sorted(fits, key=gain, reverse=True)]

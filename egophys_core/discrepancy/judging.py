@@ -19,7 +19,7 @@ from egophys_core.discrepancy.linear import (
     resampled_steps,
     trusted_columns,
 )
-from egophys_core.discrepancy.refit import Fitted, cell_losses
+from egophys_core.discrepancy.refit import Fitted, cell_losses, residual_scale
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
 
@@ -37,6 +37,8 @@ class Judged:
     name: str
     fitted: Fitted
     problem: LinearProblem
+    left_m: float
+    """Median size of the residuals that it leaves."""
     fitted_gain: float
     held_out_gain: float
     block_gains: np.ndarray
@@ -92,6 +94,7 @@ def judge(name: str, fitted: Fitted, before: Fitted, without: LinearProblem, *, 
         name=name,
         fitted=fitted,
         problem=problem,
+        left_m=residual_scale(fitted.residuals),
         fitted_gain=before.loss - fitted.loss,
         held_out_gain=float(by_fold.sum()),
         block_gains=by_fold,

@@ -52,6 +52,13 @@ RESAMPLES = 500
 REFUTED = 0.2
 """Share of an effect's gain that an episode, left out, may lose with it."""
 
+FLOOR_M = 0.002
+"""Metres: median residual from which a twin lacks something, whatever it may be; those without an effect left 0.5 to
+1.3 mm, a sheet under a force to and fro 3.2."""
+
+SETTLED = 0.7
+"""Of such a residual: what an effect may leave, at most, to be the explanation."""
+
 PROVEN = 0.1
 """Share of an effect's gain that it must gain in episodes that took no part in the fit, where there are any."""
 
@@ -202,7 +209,13 @@ def sags(judged: Judged) -> bool:
 
 
 def decide(
-    judged: Sequence[Judged], p_null: dict[str, float], law_gain: float, episodes: int, *, second: bool = False
+    judged: Sequence[Judged],
+    p_null: dict[str, float],
+    law_gain: float,
+    episodes: int,
+    *,
+    second: bool = False,
+    residual_m: float = 0.0,
 ) -> Verdict:
     """One outcome for the effects judged, of which none or several may be acceptable.
 
@@ -210,6 +223,7 @@ def decide(
         second: whether they would be named beside another effect.
         p_null: per effect the share of shams that gain as much.
         law_gain: held-out gain of the best generic law, 0 if shams gain as much.
+        residual_m: median size of the residuals without an effect.
         episodes: how many were fitted; one cannot show that an effect is the object's and not the motion's.
     """
     ordered = sorted((each for each in judged if not sags(each)), key=lambda each: -each.gain)
@@ -221,6 +235,7 @@ def decide(
         if acceptable(each, p_null[each.name])
         and each.gain >= max(least, needed(each, likely))
         and (not second or bool((each.episode_gains > 0.0).all()))
+        and (residual_m <= FLOOR_M or each.left_m <= SETTLED * residual_m)
     ]
     good = [each for each in good if not needless(each, good, likely)]
     near = [each for each in likely if good and each is not good[0] and not beaten(each, good[0])]
@@ -233,6 +248,14 @@ def decide(
     if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.
         structure = max([law_gain, *(each.gain - freedom(each) for each in likely if p_null[each.name] <= LARGEST_P)])
+        if residual_m > FLOOR_M:
+            return Verdict(
+                outcome=Outcome.UNEXPLAINED,
+                judged=(),
+                reason=f"residuals of {1e3 * residual_m:.1f} mm, where a twin that lacks nothing leaves "
+                f"{1e3 * FLOOR_M:.0f} at most, and no effect of the library explains them",
+                experiment=None,
+            )
         if structure >= max(STRUCTURE_GAIN, least):
             return Verdict(
                 outcome=Outcome.UNEXPLAINED,

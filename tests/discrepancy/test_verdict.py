@@ -8,7 +8,7 @@ import pytest
 
 from egophys_core.discrepancy.diagnosis import Estimate, Outcome
 from egophys_core.discrepancy.judging import Judged
-from egophys_core.discrepancy.verdict import CROWDED_GAIN, LEAST_GAIN, SECOND_GAIN, STRUCTURE_GAIN, decide
+from egophys_core.discrepancy.verdict import CROWDED_GAIN, FLOOR_M, LEAST_GAIN, SECOND_GAIN, STRUCTURE_GAIN, decide
 from egophys_core.twin import ObjectKind
 from tests.simulation.scenes import sheet_model
 
@@ -24,6 +24,7 @@ def judged(name: str, gain: float, **changes) -> Judged:
         "name": name,
         "fitted": SimpleNamespace(),
         "problem": SimpleNamespace(),
+        "left_m": 1e-3,
         "fitted_gain": gain,
         "held_out_gain": gain,
         "block_gains": np.full(20, gain / 20),
@@ -71,6 +72,13 @@ def test_a_rival_that_they_speak_against_leaves_nothing_ambiguous():
     ]
     verdict = decide(effects, P, 0.0, 2)
     assert (verdict.outcome, [each.name for each in verdict.judged]) == (Outcome.NAMED, ["quadratic_drag"])
+
+
+def test_an_effect_that_leaves_large_residuals_as_large_is_no_explanation():
+    half = [judged("quadratic_drag", CLEAR, left_m=0.5 * 2 * FLOOR_M)]
+    most = [judged("quadratic_drag", CLEAR, left_m=0.9 * 2 * FLOOR_M)]
+    outcomes = [decide(each, P, 0.0, 2, residual_m=2 * FLOOR_M).outcome for each in (half, most, [])]
+    assert outcomes == [Outcome.NAMED, Outcome.UNEXPLAINED, Outcome.UNEXPLAINED]
 
 
 def test_an_effect_of_many_numbers_needs_more():

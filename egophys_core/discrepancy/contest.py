@@ -75,11 +75,10 @@ def contest(
         for name in [each for each in reserve if each in effect_named(best).mimics][:MIMICS]:
             progress(f"refit with {name}", 0.5)
             fits[name] = refit_with(name, own_starts(name))
-        leaders: set[str] = set()
-        while (best := max(fits, key=gain)) not in leaders:
-            leaders.add(best)
-            near = {name for name in fits if gain(name) >= WORTH_ANOTHER * gain(best)}
-            for name in sorted({*near.intersection(effect_named(best).mimics), *kin(best).intersection(effects)}):
+        had: set[str] = set()
+        while again := _again(best := max(fits, key=gain), {name: gain(name) for name in fits}) & effects.keys() - had:
+            had |= again
+            for name in sorted(again):
                 progress(f"refit with {name} from where {best} led", 0.7)
                 ends = [fits[name].model] if name in fits else []
                 values = effect_values(ends[0], name) if ends else effects[name].values
@@ -92,3 +91,9 @@ def contest(
         relieved = refit_from(observations, starts, before.knobs, scale=scale, iterations=iterations)
         before = min(before, relieved, key=lambda each: each.loss)
     return Contest(before=before, fits=fits)
+
+
+def _again(best: str, gains: Mapping[str, float]) -> set[str]:
+    """The effects that start from where the best one led: its kin, and what mimics it and gains much."""
+    near = {name for name, gain in gains.items() if gain >= WORTH_ANOTHER * gains[best]}
+    return kin(best) | near.intersection(effect_named(best).mimics)

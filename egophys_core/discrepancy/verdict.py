@@ -91,6 +91,9 @@ general one, nor the other way round; of both the special one is named, unless t
 THE_SAME = {"constant_body_force", "gravity_tilt"}
 """A horizontal force and tilted gravity are one thing: neither is the simpler."""
 
+EVENTS = ("grasp_slip",)
+"""Effects that happen or not: a grip that slips in some episodes need not slip in others."""
+
 OFFSETS = ("tracking_offset", "gripper_offset")
 """Effects that say where the hand was, against where it was recorded."""
 
@@ -129,7 +132,9 @@ def refuted(judged: Judged) -> bool:
 
 def disproven(judged: Judged) -> bool:
     """Whether the episodes that took no part in the fit say nothing for it, or speak against it."""
-    return len(judged.proof_gains) > 0 and float(judged.proof_gains.sum()) <= PROVEN * judged.gain
+    if not len(judged.proof_gains) or judged.name in EVENTS:
+        return False
+    return float(judged.proof_gains.sum()) <= PROVEN * judged.gain
 
 
 def needed(judged: Judged, others: Sequence[Judged]) -> float:

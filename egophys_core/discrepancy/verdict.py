@@ -94,9 +94,6 @@ THE_SAME = {"constant_body_force", "gravity_tilt"}
 EVENTS = ("grasp_slip",)
 """Effects that happen or not: a grip that slips in some episodes need not slip in others."""
 
-OFFSETS = ("tracking_offset", "gripper_offset")
-"""Effects that say where the hand was, against where it was recorded."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
@@ -120,7 +117,6 @@ def acceptable(judged: Judged, p_null: float) -> bool:
         and not disproven(judged)
         and differs_from_null(judged)
         and not at_bound(judged)
-        and beyond_the_graph(judged)
         and (judged.episodes_agree or not refuted(judged) or judged.name not in OF_THE_SURROUNDINGS)
     )
 
@@ -179,14 +175,6 @@ def differs_from_null(judged: Judged) -> bool:
     sizes = [each for each in effect_named(judged.name).parameters if each.null is not None]
     intervals = [(judged.parameters[each.name].ci95, each.null) for each in sizes]
     return any(null < low or null > high for (low, high), null in intervals if null is not None)
-
-
-def beyond_the_graph(judged: Judged) -> bool:
-    """Whether an offset of the hand is longer than a spring: a shorter one only changes which nodes are held."""
-    if judged.name not in OFFSETS:
-        return True
-    offset = [judged.parameters[axis].value for axis in ("x", "y", "z")]
-    return bool(np.linalg.norm(offset) > np.median(judged.fitted.model.graph.rest_lengths))
 
 
 def at_bound(judged: Judged) -> bool:

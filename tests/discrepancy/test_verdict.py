@@ -133,15 +133,6 @@ def test_sizes_that_differ_but_do_no_harm_in_the_other_episode_are_forgiven(gain
     assert decide([found], P, 0.0, 2).outcome == Outcome.NAMED
 
 
-@pytest.mark.parametrize(("offset", "outcome"), [(0.002, Outcome.UNEXPLAINED), (0.09, Outcome.NAMED)])
-def test_an_offset_shorter_than_a_spring_is_the_graphs(offset, outcome):
-    place = {axis: Estimate(value=0.0, unit="m", ci95=(-0.01, 0.01)) for axis in "yz"}
-    place["x"] = Estimate(value=offset, unit="m", ci95=(0.5 * offset, 1.5 * offset))
-    found = replace(judged("quadratic_drag", CLEAR), name="gripper_offset", parameters=place)
-    found = replace(found, fitted=SimpleNamespace(model=sheet_model()))
-    assert decide([found], {"gripper_offset": 0.01}, 0.0, 2).outcome == outcome
-
-
 def test_shams_that_gain_as_much_forbid_a_name():
     """And they are no structure either."""
     assert decide([judged("quadratic_drag", CLEAR)], {"quadratic_drag": 0.3}, 0.0, 2).outcome == Outcome.NONE

@@ -51,7 +51,7 @@ def contest(
         effects: the whole library, by name.
         chosen: names of those that are refitted in any case.
         reserve: names of those that are if they mimic the best of these, the likeliest first.
-        earlier: by name, where refits ended on a coarser scale; these start there.
+        earlier: by name, where refits ended on a coarser scale, after all this; these start there, and there alone.
         others: twins without an effect at which refits may start as well.
     """
     observations, scale, iterations = inquiry.observations, before.scale, inquiry.options.refit_iterations
@@ -75,7 +75,7 @@ def contest(
         for name in [each for each in reserve if each in effect_named(best).mimics][:MIMICS]:
             progress(f"refit with {name}", 0.5)
             fits[name] = refit_with(name, own_starts(name))
-        had: set[str] = set()
+        had = set(earlier)
         while again := _again(best := max(fits, key=gain), {name: gain(name) for name in fits}) & effects.keys() - had:
             had |= again
             for name in sorted(again):

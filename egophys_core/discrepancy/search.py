@@ -75,7 +75,7 @@ def search(
     """
     survey = _survey(inquiry, before, without, lambda share: progress("probe the effects", 0.3 * share))
     found = _judged(inquiry, survey, before, others, lambda stage, share: progress(stage, 0.3 + 0.4 * share))
-    finest = min((residual_scale(each.fitted.residuals) for each in found.judged), default=before.scale)
+    finest = min((each.left_m for each in found.judged), default=before.scale)
     if finest < FINER * before.scale:
         finer = replace(found.before, scale=finest)
         before = refit_further(inquiry.observations, finer, iterations=inquiry.options.refit_iterations)

@@ -160,13 +160,11 @@ def beaten(judged: Judged, best: Judged) -> bool:
 
 def needless(judged: Judged, good: Sequence[Judged], likely: Sequence[Judged]) -> bool:
     """Whether a special case of an effect explains about as much, or predicts more of what was not fitted."""
-    others = SPECIAL_CASES.get(judged.name, ())
-    if any({judged.name, each.name} != THE_SAME and not beaten(each, judged) for each in good if each.name in others):
-        return True
-    return any(
+    special = {name for name in SPECIAL_CASES.get(judged.name, ()) if {judged.name, name} != THE_SAME}
+    return any(not beaten(each, judged) for each in good if each.name in special) or any(
         each.proof_gains.sum() > judged.proof_gains.sum() and each.gain >= LESSER * judged.gain
         for each in likely
-        if each.name in others and {judged.name, each.name} != THE_SAME
+        if each.name in special
     )
 
 
@@ -241,30 +239,25 @@ def decide(
     if not good or (near and not rivals and good[0].gain < STRUCTURE_GAIN):
         # What shams gain as well is no structure.
         structure = max([law_gain, *(each.gain - freedom(each) for each in likely if p_null[each.name] <= LARGEST_P)])
+        outcome = Outcome.UNEXPLAINED
         if residual_m > FLOOR_M:
-            return Verdict(
-                outcome=Outcome.UNEXPLAINED,
-                judged=(),
-                reason=f"residuals of {1e3 * residual_m:.1f} mm, where a twin that lacks nothing leaves "
-                f"{1e3 * FLOOR_M:.0f} at most, and no effect of the library explains them",
-                experiment=None,
+            reason = (
+                f"residuals of {1e3 * residual_m:.1f} mm, where a twin that lacks nothing leaves "
+                f"{1e3 * FLOOR_M:.0f} at most, and no effect of the library explains them"
             )
-        if structure >= max(STRUCTURE_GAIN, least):
-            return Verdict(
-                outcome=Outcome.UNEXPLAINED,
-                judged=(),
-                reason=f"the residual has structure (a gain of {structure:.0f} where a twin's own mismatch reaches "
-                f"{CROWDED_GAIN:.0f}), but no effect of the library passes all tests",
-                experiment=None,
+        elif structure >= max(STRUCTURE_GAIN, least):
+            reason = (
+                f"the residual has structure (a gain of {structure:.0f} where a twin's own mismatch reaches "
+                f"{CROWDED_GAIN:.0f}), but no effect of the library passes all tests"
             )
-        best = max([law_gain, *(each.gain for each in ordered)])
-        return Verdict(
-            outcome=Outcome.NONE,
-            judged=(),
-            reason=f"what gains most on held-out data gains {max(best, 0.0):.0f}; a twin's own mismatch gains up to "
-            f"{CROWDED_GAIN:.0f}, and an effect that stands alone needs {LEAST_GAIN:.0f} and to pass all tests",
-            experiment=None,
-        )
+        else:
+            outcome = Outcome.NONE
+            best = max([law_gain, *(each.gain for each in ordered)])
+            reason = (
+                f"what gains most on held-out data gains {max(best, 0.0):.0f}; a twin's own mismatch gains up to "
+                f"{CROWDED_GAIN:.0f}, and an effect that stands alone needs {LEAST_GAIN:.0f} and to pass all tests"
+            )
+        return Verdict(outcome=outcome, judged=(), reason=reason, experiment=None)
     best_one = good[0]
     if near and not rivals:
         alike = ", ".join(each.name for each in near)

@@ -40,7 +40,7 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> list[
             Markup(mark),
             figures(gain),
             figures(each["p_null"]),
-            "-" if each["proof_gain"] is None else figures(each["proof_gain"]),
+            figures(each["proof_gain"]),
         ]
 
     details = [

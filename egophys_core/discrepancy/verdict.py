@@ -56,9 +56,6 @@ FLOOR_M = 0.002
 """Metres: median residual from which a twin lacks something, whatever it may be; those without an effect left 0.5 to
 1.3 mm, a sheet under a force to and fro 3.2."""
 
-SETTLED = 0.7
-"""Of such a residual: what an effect may leave, at most, to be the explanation."""
-
 PROVEN = 0.1
 """Share of an effect's gain that it must gain in episodes that took no part in the fit, where there are any."""
 
@@ -226,7 +223,6 @@ def decide(
         if acceptable(each, p_null[each.name])
         and each.gain >= max(least, needed(each, likely))
         and (not second or bool((each.episode_gains > 0.0).all()))
-        and (residual_m <= FLOOR_M or each.left_m <= SETTLED * residual_m)
     ]
     good = [each for each in good if not needless(each, good, likely)]
     near = [each for each in likely if good and each is not good[0] and not beaten(each, good[0])]

@@ -114,14 +114,26 @@ def judge(name: str, fitted: Fitted, before: Fitted, without: LinearProblem, *, 
 def proven(judged: Sequence[Judged], before: Fitted, proofs: Sequence[Observation]) -> list[Judged]:
     """Effects with what they gain, as fitted, in episodes that took no part in the fit.
 
+    With an effect the base is another one, too, and what that is worth elsewhere is not the effect's doing. Of what
+    both gain together the effect has its Shapley share: the mean of what it gains on its own base and on that without.
+    Source: Shapley, A Value for n-Person Games (1953), for two players.
+
     Args:
         before: the twin without them, refitted as much.
     """
-    found = residuals(proofs, [before.model, *(each.fitted.model for each in judged)])
+    joint = [each.fitted.model for each in judged]
+    bare = [replace(each, effects=each.effects[:-1]) for each in joint]
+    added = [replace(before.model, effects=(*before.model.effects, *each.effects[-1:])) for each in joint]
+    found = residuals(proofs, [before.model, *joint, *bare, *added])
     losses = np.array([cell_losses(each, before.scale).sum(axis=(1, 2)) for each in found]).reshape(len(found), -1)
-    # Where the twin without an effect diverges, nothing is held against one with an effect, nor for it.
-    gains = [np.where(np.isfinite(losses[:, 0]), losses[:, 0] - each, 0.0) for each in losses[:, 1:].T]
-    return [replace(each, proof_gains=gain) for each, gain in zip(judged, gains, strict=True)]
+    known, rest = losses[:, :1], losses[:, 1:].reshape(len(found), 3, -1)
+    with_effect, without, elsewhere = (rest[:, kind] for kind in range(3))
+    with np.errstate(invalid="ignore"):
+        own, other = without - with_effect, known - elsewhere
+    # A base that diverges, without the effect or with the other's, says nothing of it.
+    own, other = np.where(np.isfinite(own), own, other), np.where(np.isfinite(other), other, own)
+    share = np.where(np.isfinite(with_effect), np.nan_to_num((own + other) / 2.0, posinf=0.0, neginf=0.0), -np.inf)
+    return [replace(each, proof_gains=gain) for each, gain in zip(judged, share.T, strict=True)]
 
 
 def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:

@@ -11,6 +11,9 @@ from egophys_core.discrepancy.effects.timing import LATEST, share_of_frame
 FARTHEST = 0.3
 """Metres: beyond it nothing is left in the hand."""
 
+ONSETS = 8
+"""Times at which the search for a slip starts: a refit moves an onset by some tenths of a second."""
+
 CENTRED = 1e-3
 """Metres: a hand nearer to the centre of mass has no direction towards it, and the object slides down."""
 
@@ -37,7 +40,7 @@ def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     """Slip from the first contact on, or from later."""
     begins, end = surroundings.contact_begins, surroundings.end
-    return [{"rate": 0.01, "onset": begins + share * (end - begins)} for share in (0.0, 0.25, 0.5, 0.75)]
+    return [{"rate": 0.01, "onset": float(onset)} for onset in np.linspace(begins, end, ONSETS, endpoint=False)]
 
 
 EFFECT = Effect(

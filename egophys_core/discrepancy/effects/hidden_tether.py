@@ -30,7 +30,10 @@ def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
-    """Tied at the middle or a corner of the object to where that lay, or at the middle to a place beside it."""
+    """Tied at the middle or a corner of the object to where that lay, or at the middle to a place beside it.
+
+    A thread does not pull at rest: it is as long as it is far to the anchor.
+    """
     low, high = surroundings.rest_positions.min(axis=0), surroundings.rest_positions.max(axis=0)
     thread = {"stiffness": 2.0, "length": 0.02}
     snags = [
@@ -39,7 +42,7 @@ def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     ]
     beside = 0.5 * float((high - low).max())
     anchors = [(sign * beside * (axis == 0), sign * beside * (axis == 1)) for axis in (0, 1) for sign in (-1, 1)]
-    return [*snags, *({**snags[0], "anchor_x": x, "anchor_y": y} for x, y in anchors)]
+    return [*snags, *({**snags[0], "anchor_x": x, "anchor_y": y, "length": beside} for x, y in anchors)]
 
 
 EFFECT = Effect(

@@ -56,8 +56,9 @@ FLOOR_M = 0.002
 """Metres: median residual from which a twin lacks something, whatever it may be; those without an effect left 0.5 to
 1.3 mm, a sheet under a force to and fro 3.2."""
 
-PROVEN = 0.1
-"""Share of an effect's gain that it must gain in episodes that took no part in the fit, where there are any."""
+PROVEN, PROOF_GAIN = 0.1, 15.0
+"""Share of an effect's gain that it must gain in episodes that took no part in the fit, where there are any, and the
+gain there that is enough in any case: a tether that pulled in two motions was slack for the most part of the third."""
 
 STRUCTURE_GAIN = 70.0
 """Held-out gain of a generic law, or of an effect that is not accepted, from which a residual is called structured."""
@@ -127,7 +128,7 @@ def disproven(judged: Judged) -> bool:
     """Whether the episodes that took no part in the fit say nothing for it, or speak against it."""
     if not len(judged.proof_gains) or judged.name in EVENTS:
         return False
-    return float(judged.proof_gains.sum()) <= PROVEN * judged.gain
+    return float(judged.proof_gains.sum()) <= min(PROVEN * judged.gain, PROOF_GAIN)
 
 
 def needed(judged: Judged, others: Sequence[Judged]) -> float:

@@ -8,7 +8,15 @@ import pytest
 
 from egophys_core.discrepancy.diagnosis import Estimate, Outcome
 from egophys_core.discrepancy.judging import Judged
-from egophys_core.discrepancy.verdict import CROWDED_GAIN, FLOOR_M, LEAST_GAIN, SECOND_GAIN, STRUCTURE_GAIN, decide
+from egophys_core.discrepancy.verdict import (
+    CROWDED_GAIN,
+    FLOOR_M,
+    LEAST_GAIN,
+    PROOF_GAIN,
+    SECOND_GAIN,
+    STRUCTURE_GAIN,
+    decide,
+)
 from egophys_core.twin import ObjectKind
 from tests.simulation.scenes import sheet_model
 
@@ -63,6 +71,15 @@ def test_what_episodes_that_were_not_fitted_speak_against_is_not_named():
     )
     assert decide(proven, P, 0.0, 2).outcome == Outcome.NAMED
     assert decide(disproven, P, 0.0, 2).outcome == Outcome.NONE
+
+
+def test_a_large_gain_in_them_is_enough_whatever_an_effect_gains_elsewhere():
+    little, enough = (
+        [judged("quadratic_drag", 20 * PROOF_GAIN, proof_gains=np.array([gain]))]
+        for gain in (0.9 * PROOF_GAIN, 1.1 * PROOF_GAIN)
+    )
+    assert decide(little, P, 0.0, 2).outcome == Outcome.UNEXPLAINED
+    assert decide(enough, P, 0.0, 2).outcome == Outcome.NAMED
 
 
 def test_a_rival_that_they_speak_against_leaves_nothing_ambiguous():

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.discrepancy.effects import Effect
-from egophys_core.discrepancy.knobs import part_way, with_effect
+from egophys_core.discrepancy.knobs import at_null, part_way, with_effect
 from egophys_core.discrepancy.linear import LinearProblem, base_columns, left_out_losses
 from egophys_core.discrepancy.ranking import Ranked
 from egophys_core.discrepancy.residuals import Observation, residuals
@@ -25,8 +25,9 @@ LEAPT = 2
 
 
 def leapt(model: ObjectModel, effect: Effect, start: Mapping[str, float]) -> list[ObjectModel]:
-    """A model without the effect, with it at each of the leaps."""
-    return [with_effect(model, effect.name, part_way(effect, start, share)) for share in LEAPS]
+    """A model without the effect, with it at each of the leaps that does not end at its bound where it vanishes."""
+    values = [part_way(effect, start, share) for share in LEAPS]
+    return [with_effect(model, effect.name, each) for each in values if each != at_null(effect, each)]
 
 
 @dataclass(frozen=True, kw_only=True)

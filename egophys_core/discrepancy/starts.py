@@ -39,7 +39,7 @@ def starts_beside(
             for moved in (base, base + min(share, 1.0) * ranked.base_steps)
         ],
         *([with_effect(other, effect.name, values) for values in optima] for other in others),
-        *(leapt(before.model, effect, start) for start in ranked.starts),
+        *_afar(before.model, ranked),
     ]
     return _best_of_each(observations, ways, before.scale)
 
@@ -58,9 +58,15 @@ def starts_from_rival(
     effect, base = ranked.probe.effect, replace(rival, effects=rival.effects[:-1])
     ways = [
         [with_effect(base, effect.name, part_way(effect, values, share)) for share in SHARES],
-        *(leapt(base, effect, start) for start in ranked.starts),
+        *_afar(base, ranked),
     ]
     return _best_of_each(observations, ways, scale)
+
+
+def _afar(base: ObjectModel, ranked: Ranked) -> list[list[ObjectModel]]:
+    """The ways to all starts of an effect: there, and leapt beyond."""
+    effect = ranked.probe.effect
+    return [[with_effect(base, effect.name, start), *leapt(base, effect, start)] for start in ranked.starts]
 
 
 def _best_of_each(

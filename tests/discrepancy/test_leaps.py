@@ -42,6 +42,14 @@ def test_a_leap_changes_sizes_and_leaves_places_where_they_are():
     assert all({**each, "strength": 1.0} == pytest.approx(start) for each in found)
 
 
+def test_no_leap_ends_where_the_effect_vanishes():
+    for effect in LIBRARY.values():
+        start = {each.name: each.low if each.null is None else each.null + each.step for each in effect.parameters}
+        for model in leapt(sheet(), effect, start):
+            values = effect_values(model, effect.name)
+            assert any(values[each.name] != each.null for each in effect.parameters if each.null is not None)
+
+
 def test_what_explains_the_residuals_gains_and_what_does_not_gains_nothing(noise, missed, base):
     found = gains(missed + noise, base, right=noise, wrong=2.0 * missed + noise, nothing=missed + noise)
     assert found["right"] > 100.0

@@ -34,7 +34,7 @@ LEAST_SCALE = 1e-3
 LEAST_GAIN = 0.5
 """Improvement of the loss below which a refit ends."""
 
-FINALISTS, TRIAL_STEPS = 3, 1
+FINALISTS, TRIAL_STEPS = 3, 2
 """Starts that are refitted, and by how many steps, before the best of them is refitted to the end."""
 
 
@@ -136,10 +136,12 @@ def refit_from(
     """The refit from the best of the first few starts.
 
     Args:
-        starts: the best first; of `FINALISTS` of them the best is refitted to the end.
+        starts: the best first; of `FINALISTS` of them the one that is best after some steps is refitted to the end.
+        iterations: most steps from start to end.
     """
     trials = [refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=scale) for start in starts[:FINALISTS]]
-    return refit_further(observations, min(trials, key=lambda each: each.loss), iterations=iterations)
+    best = min(trials, key=lambda each: each.loss)
+    return refit_further(observations, best, iterations=max(0, iterations - TRIAL_STEPS))
 
 
 def _objective(found: Sequence[np.ndarray], scale: float, moved: np.ndarray) -> float:

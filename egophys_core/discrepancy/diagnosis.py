@@ -56,7 +56,8 @@ class Candidate:
     fitted_gain: float
     """Gain on what was fitted."""
     proof_gain: float | None
-    """Gain in the episodes that took no part in the fit; None without any, or if the effect was not refitted."""
+    """The effect's share of what is gained in the episodes that took no part in the fit; None without any, or if it was
+    not refitted."""
     values: dict[str, float]
     """The fitted parameters, SI units."""
 

@@ -48,7 +48,7 @@ class Judged:
     episode_gains: np.ndarray
     """[E] held-out gain in each episode when it was left out as a whole; nan with one episode."""
     proof_gains: np.ndarray
-    """[R] gain in each episode that took no part in the fit."""
+    """[R] the effect's share of the gain in each episode that took no part in the fit, `proven`."""
     parameters: dict[str, Estimate]
     episodes_agree: bool
 

@@ -98,6 +98,21 @@ def test_large_residuals_are_unexplained_where_no_effect_is_named():
     assert outcomes == [Outcome.NAMED, Outcome.UNEXPLAINED]
 
 
+def lump(x: float, z: float) -> Judged:
+    """In a sheet, clear, at a place from its centre."""
+    numbers = {"x": x, "y": 0.0, "z": z, "radius": 0.02, "fraction": 0.5}
+    parameters = {name: Estimate(value=value, unit="1", ci95=(0.3, 0.8)) for name, value in numbers.items()}
+    body = SimpleNamespace(model=sheet_model())
+    return replace(judged("anisotropy", 2 * CLEAR), name="uneven_mass", parameters=parameters, fitted=body)
+
+
+def test_a_lump_beside_the_object_is_none():
+    half = np.ptp(sheet_model().graph.positions[:, 0]) / 2
+    places = [(0.9 * half, 0.0), (0.9 * half, 1.0), (half + 0.1, 0.0)]
+    outcomes = [decide([lump(*place)], {"uneven_mass": 0.01}, 0.0, 2).outcome for place in places]
+    assert outcomes == [Outcome.NAMED, Outcome.NAMED, Outcome.UNEXPLAINED]
+
+
 def test_an_effect_of_many_numbers_needs_more():
     gain = LEAST_GAIN + 1.0
     numbers = {name: Estimate(value=0.1, unit="1", ci95=(0.05, 0.2)) for name in ("x", "y", "z", "radius", "fraction")}

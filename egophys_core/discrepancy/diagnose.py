@@ -21,7 +21,6 @@ from egophys_core.discrepancy.inquiry import Inquiry, Progress
 from egophys_core.discrepancy.judging import Judged
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.ranking import Ranked
-from egophys_core.discrepancy.refit import Fitted, refit_further
 from egophys_core.discrepancy.residuals import Observation, observe, track_offsets
 from egophys_core.discrepancy.search import Search, search
 from egophys_core.discrepancy.where import where
@@ -135,9 +134,10 @@ def diagnose_observed(
             reason += f"; beside it, {second.verdict.reason}"
     progress("roll out before and after", 0.9)
     everywhere = [*observations, *report_on]
-    before = _same_budget(observations, first.before, options)
+    # The contest refitted it for as many steps as the effects, from where these led as well.
+    before = first.before.model
     errors = [free_errors(each, [before, final.model]) for each in everywhere]
-    offsets = [track_offsets(each, [base.fitted.model])[0][0] for each in observations]
+    offsets = [track_offsets(each, [before])[0][0] for each in observations]
     improved = _new_version(twin, final.model, [each.episode for each in observations], options, seed)
     diagnosis = Diagnosis(
         outcome=outcome,
@@ -200,11 +200,6 @@ def _observed(model: ObjectModel, episode: Episode) -> Observation:
             "record again with the object in view"
         )
     return observation
-
-
-def _same_budget(observations: Sequence[Observation], before: Fitted, options: DiagnosisOptions) -> ObjectModel:
-    """The twin without the effect, refitted for as many further steps as the effects were."""
-    return refit_further(observations, before, iterations=options.refit_iterations).model
 
 
 def _candidates(first: Search) -> tuple[Candidate, ...]:

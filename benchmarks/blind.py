@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks.side_by_side import side_by_side
 from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.files import write_atomically
@@ -35,19 +36,15 @@ def measure(folder: Path) -> dict[str, Any]:
     return {**found.as_dict(), "build_seconds": building}
 
 
-def run(*, part: int = 0, parts: int = 1) -> dict[str, Any]:
-    """Diagnose every case; results are kept after each, and a run goes on where the last one stopped.
-
-    Args:
-        part: of `parts` that run side by side, each with cases and a file of its own.
-    """
+def run() -> dict[str, Any]:
+    """Diagnose every case; results are kept after each, and a run goes on where the last one stopped."""
+    kept = json.loads(RESULT.read_text()) if RESULT.exists() else {"cases": {}}
+    cases = kept["cases"]
     folders = [*sorted((DATA / "open").iterdir()), *sorted((DATA / "blind").iterdir())]
-    path = RESULT if parts == 1 else RESULT.with_suffix(f".{part}.json")
-    cases = json.loads(path.read_text())["cases"] if path.exists() else {}
-    for folder in folders[part::parts]:
-        if folder.name not in cases:
-            cases[folder.name] = measure(folder)
-            _write(path, {"cases": cases})
+    missing = [folder for folder in folders if folder.name not in cases]
+    for folder, case in side_by_side(measure, missing):
+        cases[folder.name] = case
+        _write(RESULT, kept)
     return {"cases": cases}
 
 

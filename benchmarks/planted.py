@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.side_by_side import side_by_side
 from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.search import Search
@@ -161,24 +162,19 @@ def _searched(search: Search) -> dict[str, Any]:
     }
 
 
-def run(*, minutes: float = 1e9, part: int = 0, parts: int = 1) -> dict[str, Any]:
+def run(*, minutes: float = 1e9) -> dict[str, Any]:
     """Measure what is missing; the keys of `results/planted.json`.
 
     Args:
         minutes: begin no further case after this long.
-        part: of `parts` that run side by side, each keeping its rows in a file of its own.
     """
-    path = RESULT if parts == 1 else RESULT.with_suffix(f".{part}.json")
-    rows = json.loads(path.read_text())["rows"] if path.exists() else []
+    kept = json.loads(RESULT.read_text()) if RESULT.exists() else {"rows": []}
+    rows = kept["rows"]
     done = {_key(row) for row in rows}
-    end = time.monotonic() + 60.0 * minutes
-    for case in cases()[part::parts]:
-        if case.key in done:
-            continue
-        if time.monotonic() > end:
-            break
-        rows.append(measure(case))
-        write_atomically(path, (json.dumps({"rows": rows}, indent=1) + "\n").encode())
+    missing = [case for case in cases() if case.key not in done]
+    for _, row in side_by_side(measure, missing, minutes=minutes):
+        rows.append(row)
+        write_atomically(RESULT, (json.dumps(kept, indent=1) + "\n").encode())
     return {"rows": rows}
 
 

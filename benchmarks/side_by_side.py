@@ -1,0 +1,39 @@
+"""Slow measurements side by side: one process a core, results as they come."""
+
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def side_by_side(
+    measure: Callable[[Item], Result], items: Iterable[Item], *, minutes: float = 1e9
+) -> Iterator[tuple[Item, Result]]:
+    """Each item and what was measured of it, in the order in which they are done.
+
+    Args:
+        measure: what a new process can import.
+        minutes: begin no further item after this long.
+    """
+    end = time.monotonic() + 60.0 * minutes
+    cores = len(os.sched_getaffinity(0))
+    waiting = iter(items)
+    running: dict[Future[Result], Item] = {}
+    # Forked processes would inherit locks of the simulator's threads.
+    with ProcessPoolExecutor(cores, mp_context=multiprocessing.get_context("spawn")) as pool:
+        while True:
+            while len(running) < cores and time.monotonic() < end:
+                try:
+                    item = next(waiting)
+                except StopIteration:
+                    break
+                running[pool.submit(measure, item)] = item
+            if not running:
+                return
+            for done in wait(running, return_when=FIRST_COMPLETED).done:
+                yield running.pop(done), done.result()

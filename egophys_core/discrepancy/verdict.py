@@ -145,16 +145,6 @@ def freedom(judged: Judged) -> float:
     return PARAMETER_GAIN * max(0, len(judged.parameters) - FEW_PARAMETERS)
 
 
-def gains_enough(judged: Judged, others: Sequence[Judged], least: float) -> bool:
-    """Whether an effect gains what it needs beside others, and `least`.
-
-    Beyond `CROWDED_GAIN` the rest may come from episodes that were not fitted: its numbers were not turned to them.
-    """
-    asked = max(least, needed(judged, others))
-    elsewhere = max(0.0, float(judged.proof_gains.sum()))
-    return judged.gain >= asked or (judged.gain >= max(least, CROWDED_GAIN) and judged.gain + elsewhere >= asked)
-
-
 def kin(name: str) -> set[str]:
     """Effects that one contains, or that contain it."""
     return {*SPECIAL_CASES.get(name, ()), *(other for other, special in SPECIAL_CASES.items() if name in special)}
@@ -248,7 +238,7 @@ def decide(
         each
         for each in ordered
         if acceptable(each, p_null[each.name])
-        and gains_enough(each, likely, least)
+        and each.gain >= max(least, needed(each, likely))
         and (not second or bool((each.episode_gains > 0.0).all()))
     ]
     good = [each for each in good if not needless(each, good, likely)]

@@ -11,7 +11,7 @@ import numpy as np
 
 from egophys_core.discrepancy.diagnosis import Outcome
 from egophys_core.discrepancy.effects import effect_named
-from egophys_core.discrepancy.effects.uneven_mass import THIN
+from egophys_core.discrepancy.effects.uneven_mass import lies_beside
 from egophys_core.discrepancy.judging import Judged, interval_of_sum
 from egophys_core.twin import ObjectKind
 
@@ -192,13 +192,7 @@ def off_the_object(judged: Judged) -> bool:
 
     In a rehearsed box without an effect one 0.7 m above it gained 172.
     """
-    if judged.name != "uneven_mass":
-        return False
-    half = np.ptp(judged.fitted.model.graph.positions, axis=0) / 2.0
-    reach = half + judged.values["radius"]
-    place = np.array([judged.values[axis] for axis in ("x", "y", "z")])
-    # Across a thin object the place is not told.
-    return bool((abs(place) > reach)[half > THIN * half.max()].any())
+    return judged.name == "uneven_mass" and lies_beside(judged.fitted.model.graph.positions, judged.values)
 
 
 def sags(judged: Judged) -> bool:

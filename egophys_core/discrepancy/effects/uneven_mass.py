@@ -27,12 +27,24 @@ def adapt(values: Values, body: Body) -> Body:
     return replace(body, masses=(body.masses + fraction * total * weights) / (1.0 + fraction))
 
 
+def lies_beside(rest_positions: np.ndarray, values: Values) -> bool:
+    """Whether the lump lies where nothing of the object, [N, 3] metres, is; across a thin one its place is not told."""
+    half = np.ptp(rest_positions, axis=0) / 2.0
+    place = np.array([values["x"], values["y"], values["z"]])
+    return bool((abs(place) > half + values["radius"])[_thick(half)].any())
+
+
+def _thick(half: np.ndarray) -> np.ndarray:
+    """[3] bool: the axes along which the object, of these half extents, is not thin."""
+    return half > THIN * half.max()
+
+
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     """The middle of the object and places towards the ends of its thick axes."""
     low, high = surroundings.rest_positions.min(axis=0), surroundings.rest_positions.max(axis=0)
     half = (high - low) / 2
     radius = float(np.clip(0.4 * half.max(), 0.005, 0.5))
-    thick = [axis for axis in range(3) if half[axis] > THIN * half.max()]
+    thick = np.flatnonzero(_thick(half))
     places = [np.zeros(3), *(sign * REACH * half[axis] * np.eye(3)[axis] for axis in thick for sign in (-1.0, 1.0))]
     return [{"x": float(x), "y": float(y), "z": float(z), "radius": radius, "fraction": 0.2} for x, y, z in places]
 

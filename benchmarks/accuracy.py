@@ -1,18 +1,18 @@
 """Held-out errors of every episode of `open` and `blind`: baselines, coarse fit, dense refinement.
 
 Every episode is fitted on its own, on its first 70 % of frames. Rows go to a file as they are done, so the work can be
-stopped and goes on where it was; two processes share it on two cores.
+stopped and goes on where it was; processes share it, one a core.
 """
 
 import json
 import time
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.side_by_side import side_by_side
 from egophys_core.evaluation import Scores, baseline_scores, score
 from egophys_core.files import write_atomically
 from egophys_core.identification import FitOptions, contact_flags, find_hands, prepare
@@ -25,7 +25,6 @@ from egophys_core.recording import read_episode
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
 ROWS = Path(__file__).resolve().parents[1] / "out/accuracy.json"
 BUDGETS = (25, 50, 100, 200)
-WORKERS = 2
 SEED = 0
 GENERATIONS = 20
 """The paper takes 50: with these, 52 episodes take an hour instead of two."""
@@ -38,11 +37,10 @@ def run() -> list[dict[str, Any]]:
     rows = [row for row in rows if row["episode"] in done]
     missing = [path for path in episode_paths() if episode_name(path) not in done]
     ROWS.parent.mkdir(exist_ok=True)
-    with ProcessPoolExecutor(WORKERS) as pool:
-        for future in as_completed([pool.submit(measure, path) for path in missing]):
-            rows = sorted([*rows, *future.result()], key=lambda row: row["episode"])
-            write_atomically(ROWS, (json.dumps(rows, indent=1) + "\n").encode())
-            print(f"{len({row['episode'] for row in rows})} episodes", flush=True)
+    for _, measured in side_by_side(measure, missing):
+        rows = sorted([*rows, *measured], key=lambda row: row["episode"])
+        write_atomically(ROWS, (json.dumps(rows, indent=1) + "\n").encode())
+        print(f"{len({row['episode'] for row in rows})} episodes", flush=True)
     return rows
 
 

@@ -5,6 +5,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from itertools import islice
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -27,12 +28,8 @@ def side_by_side(
     # Forked processes would inherit locks of the simulator's threads.
     with ProcessPoolExecutor(cores, mp_context=multiprocessing.get_context("spawn")) as pool:
         while True:
-            while len(running) < cores and time.monotonic() < end:
-                try:
-                    item = next(waiting)
-                except StopIteration:
-                    break
-                running[pool.submit(measure, item)] = item
+            if time.monotonic() < end:
+                running |= {pool.submit(measure, item): item for item in islice(waiting, cores - len(running))}
             if not running:
                 return
             for done in wait(running, return_when=FIRST_COMPLETED).done:

@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.side_by_side import side_by_side
 from egophys_core.evaluation import Scores, baseline_scores, score
-from egophys_core.files import write_atomically
+from egophys_core.files import write_json
 from egophys_core.identification import FitOptions, contact_flags, find_hands, prepare
 from egophys_core.identification.build import predict
 from egophys_core.identification.coarse import fit_coarse
@@ -39,7 +39,7 @@ def run() -> list[dict[str, Any]]:
     ROWS.parent.mkdir(exist_ok=True)
     for _, measured in side_by_side(measure, missing):
         rows = sorted([*rows, *measured], key=lambda row: row["episode"])
-        write_atomically(ROWS, (json.dumps(rows, indent=1) + "\n").encode())
+        write_json(ROWS, rows)
         print(f"{len({row['episode'] for row in rows})} episodes", flush=True)
     return rows
 

@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks.side_by_side import side_by_side
 from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.options import DiagnosisOptions
-from egophys_core.files import write_atomically
+from egophys_core.files import write_json
 from egophys_core.identification import FitOptions, build_twin
 from egophys_core.recording import read_episode
 
@@ -44,7 +44,7 @@ def run() -> dict[str, Any]:
     missing = [folder for folder in folders if folder.name not in cases]
     for folder, case in side_by_side(measure, missing):
         cases[folder.name] = case
-        _write(RESULT, kept)
+        write_json(RESULT, kept)
     return {"cases": cases}
 
 
@@ -52,8 +52,4 @@ def write_blind(cases: dict[str, Any]) -> None:
     """The blind cases of a result, on their own."""
     names = {folder.name for folder in (DATA / "blind").iterdir()}
     BLIND.parent.mkdir(exist_ok=True)
-    _write(BLIND, {name: case for name, case in sorted(cases.items()) if name in names})
-
-
-def _write(path: Path, content: dict[str, Any]) -> None:
-    write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())
+    write_json(BLIND, {name: case for name, case in sorted(cases.items()) if name in names})

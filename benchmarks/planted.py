@@ -17,7 +17,7 @@ from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.search import Search
 from egophys_core.episode import Episode
-from egophys_core.files import write_atomically
+from egophys_core.files import write_json
 from egophys_core.identification import FitOptions, build_twin
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
 from egophys_core.rehearsal.planting import PLANTS, planted_sizes
@@ -174,7 +174,7 @@ def run(*, minutes: float = 1e9) -> dict[str, Any]:
     missing = [case for case in cases() if case.key not in done]
     for _, row in side_by_side(measure, missing, minutes=minutes):
         rows.append(row)
-        write_atomically(RESULT, (json.dumps(kept, indent=1) + "\n").encode())
+        write_json(RESULT, kept)
     return {"rows": rows}
 
 

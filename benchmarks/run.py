@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import beam, blind, cost, perception, physics, planted, towel
-from egophys_core.files import write_atomically
+from egophys_core.files import write_atomically, write_json
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 RESULTS = REPOSITORY / "benchmarks/results"
@@ -29,7 +29,7 @@ def main() -> None:
     """Run those named on the command line, or all."""
     for name in sys.argv[1:] or BENCHMARKS:
         result = {**BENCHMARKS[name](), "machine": _machine(), "commit": _commit(), "command": "make bench"}
-        write_atomically(RESULTS / f"{name}.json", (json.dumps(result, indent=1) + "\n").encode())
+        write_json(RESULTS / f"{name}.json", result)
         print(json.dumps(result, indent=1))
         if name == "diagnoses":
             blind.write_blind(result["cases"])

@@ -1,8 +1,10 @@
 """Writing files so that nothing half-written is ever left at a final path."""
 
+import json
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from egophys_core.errors import OutputError
 
@@ -31,6 +33,16 @@ def write_atomically(path: Path, content: bytes) -> None:
         os.fsync(folder)
     finally:
         os.close(folder)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Write `content` as indented JSON, as `write_atomically` does.
+
+    Raises:
+        OSError: the folder does not exist or is not writable; nothing is left behind.
+        TypeError: `content` holds what JSON has no word for; nothing is written.
+    """
+    write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())
 
 
 def require_writable(path: Path) -> None:

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from egophys_core.errors import OutputError
-from egophys_core.files import require_writable, write_atomically
+from egophys_core.files import require_writable, write_atomically, write_json
 
 
 def test_content_is_written_and_replaced(tmp_path):
@@ -17,6 +17,14 @@ def test_content_is_written_and_replaced(tmp_path):
     write_atomically(path, b"one")
     write_atomically(path, b"two")
     assert path.read_bytes() == b"two"
+    assert os.listdir(tmp_path) == ["it"]
+
+
+def test_json_is_written_whole_or_not_at_all(tmp_path):
+    write_json(tmp_path / "it", {"a": [1, 2.5]})
+    with pytest.raises(TypeError):
+        write_json(tmp_path / "it", {"a": object()})
+    assert (tmp_path / "it").read_bytes() == b'{\n "a": [\n  1,\n  2.5\n ]\n}\n'
     assert os.listdir(tmp_path) == ["it"]
 
 

@@ -2,7 +2,6 @@
 
 import argparse
 import heapq
-import json
 import os
 import shutil
 import time
@@ -19,7 +18,7 @@ from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import Report, print_json, print_table, progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import OutputError
-from egophys_core.files import write_atomically
+from egophys_core.files import write_atomically, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.options import to_mapping
 from egophys_core.perception.options import PerceptionOptions
@@ -78,7 +77,7 @@ def run(parsed: argparse.Namespace) -> int:
             "options": to_mapping(options),
             "board": _board_content(board),
         }
-        write_atomically(folder / REPORT_NAME, (json.dumps(content, indent=1) + "\n").encode())
+        write_json(folder / REPORT_NAME, content)
     if parsed.json:
         print_json({"out": str(parsed.out), **content})
         return 0

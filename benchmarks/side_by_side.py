@@ -22,15 +22,24 @@ def side_by_side(
         minutes: begin no further item after this long.
     """
     end = time.monotonic() + 60.0 * minutes
-    cores = len(os.sched_getaffinity(0))
+    cores = os.sched_getaffinity(0)
     waiting = iter(items)
     running: dict[Future[Result], Item] = {}
     # Forked processes would inherit locks of the simulator's threads.
-    with ProcessPoolExecutor(cores, mp_context=multiprocessing.get_context("spawn")) as pool:
+    context = multiprocessing.get_context("spawn")
+    free = context.SimpleQueue()
+    for core in cores:
+        free.put(core)
+    with ProcessPoolExecutor(len(cores), mp_context=context, initializer=_stay_on_one, initargs=(free,)) as pool:
         while True:
             if time.monotonic() < end:
-                running |= {pool.submit(measure, item): item for item in islice(waiting, cores - len(running))}
+                running |= {pool.submit(measure, item): item for item in islice(waiting, len(cores) - len(running))}
             if not running:
                 return
             for done in wait(running, return_when=FIRST_COMPLETED).done:
                 yield running.pop(done), done.result()
+
+
+def _stay_on_one(free: "multiprocessing.SimpleQueue[int]") -> None:
+    """Keep to a core of its own: a process starts as many threads as it has cores."""
+    os.sched_setaffinity(0, {free.get()})

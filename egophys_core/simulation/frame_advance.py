@@ -27,7 +27,6 @@ def _advance_on_cpu(scratch: SubstepArrays, state: StateArrays, substeps: int, i
         frame_kernel(inputs.effects),
         dim=scratch.forces.shape[0],
         inputs=[
-            substeps,
             state,
             scratch.forces,
             inputs.springs,

@@ -46,7 +46,8 @@ class Rollout:
 def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, device: str = "cpu") -> Rollout:
     """Advance all rollouts of a batch over the frames of their controls.
 
-    On the CPU lane groups run on all cores; a rollout's numbers do not depend on the batch it is in.
+    On the CPU lane groups run on all cores, unless something acts on them; a rollout's numbers do not depend on the
+    batch it is in.
 
     Args:
         longest_substep: seconds; stability may ask for shorter ones, a shorter one here is more accurate.
@@ -60,7 +61,8 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
     # Loaded here, before threads ask for it at the same time.
     wp.load_module(frame_kernel(effect_terms(batch)).module, device=device)
     groups = group_count(batch.count)
-    workers = min(groups, len(os.sched_getaffinity(0)))
+    # What acts on rollouts is decided by Python code, for which threads would wait longer than they work.
+    workers = 1 if batch.actions else min(groups, len(os.sched_getaffinity(0)))
     # Rollouts with similar substeps share a lane group: it runs as many as the one that needs most.
     order = np.argsort(_fastest_rates(batch), kind="stable")
     bounds = np.linspace(0, groups, workers + 1).astype(int) * LANES

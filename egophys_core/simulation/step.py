@@ -98,7 +98,6 @@ def frame_kernel(effects: EffectTerms) -> wp.Kernel:
 
     @wp.kernel(enable_backward=False, module="unique")
     def advance_frame(
-        substeps: int,
         state: StateArrays,
         forces: wp.array3d(dtype=Lanes),
         springs: SpringArrays,
@@ -113,7 +112,8 @@ def frame_kernel(effects: EffectTerms) -> wp.Kernel:
     ):
         group = wp.tid()
         nodes = frame.node_count
-        for substep in range(substeps):
+        # Other groups may need more.
+        for substep in range(int(wp.max(frame.substeps[group]))):
             dt = substep_duration(group, substep, frame)
             time = substep_time(group, substep, frame)
             add_forces(group, 0, nodes, time, state, springs, grips, parameters, numbers, forces)

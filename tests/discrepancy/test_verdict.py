@@ -177,6 +177,13 @@ def test_two_that_gain_alike_are_ambiguous_with_an_experiment():
     assert "swing" in verdict.experiment
 
 
+def test_of_two_that_gain_alike_the_one_that_unfitted_episodes_bear_out_is_named():
+    found = [judged("quadratic_drag", CLEAR), judged("control_delay", 0.95 * CLEAR)]
+    proofs = (np.array([0.5 * CLEAR]), np.array([0.12 * CLEAR]))
+    verdict = decide([replace(each, proof_gains=gain) for each, gain in zip(found, proofs, strict=True)], P, 0.0, 2)
+    assert (verdict.outcome, [each.name for each in verdict.judged]) == (Outcome.NAMED, ["quadratic_drag"])
+
+
 def test_what_a_refuted_effect_explains_as_well_is_no_evidence():
     refuted = judged("control_delay", 1.1 * CLEAR, **REFUTED)
     verdict = decide([judged("quadratic_drag", CLEAR), refuted], P, 0.0, 2)
@@ -191,7 +198,8 @@ def test_what_a_refuted_effect_explains_as_well_is_mismatch_while_it_is_little()
 
 
 def test_a_refuted_special_case_does_not_refute_the_general_one():
-    force = {axis: Estimate(value=1.0, unit="m/s^2", ci95=(0.5, 1.5)) for axis in "xyz"}
+    upward = {"x": 1.0, "y": 1.0, "z": 2.0}
+    force = {axis: Estimate(value=value, unit="m/s^2", ci95=(0.5, 2.5)) for axis, value in upward.items()}
     tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
     towel = SimpleNamespace(model=sheet_model())
     general = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force, fitted=towel)
@@ -219,13 +227,17 @@ def test_a_general_effect_is_named_only_if_it_explains_clearly_more_than_its_spe
     assert (verdict.outcome, [each.name for each in verdict.judged]) == (Outcome.NAMED, [named])
 
 
-def test_a_tilt_and_a_horizontal_force_go_together_even_if_one_refit_ended_lower():
+@pytest.mark.parametrize("flaw", [{}, REFUTED])
+def test_a_tilt_and_a_horizontal_force_go_together_even_if_one_refit_ended_lower(flaw):
     towel = SimpleNamespace(model=sheet_model())
     force = {axis: Estimate(value=1.0, unit="m/s^2", ci95=(0.5, 1.5)) for axis in "xyz"}
     tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
     found = [
-        replace(judged("quadratic_drag", gain), name=name, parameters=numbers, fitted=towel)
-        for name, gain, numbers in (("constant_body_force", CLEAR, force), ("gravity_tilt", 0.6 * CLEAR, tilt))
+        replace(judged("quadratic_drag", gain, **flaws), name=name, parameters=numbers, fitted=towel)
+        for name, gain, numbers, flaws in (
+            ("constant_body_force", CLEAR, force, {}),
+            ("gravity_tilt", 0.4 * CLEAR, tilt, flaw),
+        )
     ]
     verdict = decide(found, {"constant_body_force": 0.01, "gravity_tilt": 0.01}, 0.0, 2)
     assert verdict.outcome == Outcome.AMBIGUOUS

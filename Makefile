@@ -25,11 +25,14 @@ demo: build ## Video to twin to plan to arm, on a recorded episode: about 5 minu
 # The tests' matrices are small: threads of the linear algebra would wait for each other longer than they work.
 test test-all: export OPENBLAS_NUM_THREADS := 1
 
+# Files side by side: nodes and emulators have a DDS domain and addresses per process (at most 100 domains).
+PYTEST := python -m pytest -n auto --maxprocesses 4 --dist loadfile
+
 test: check build ## Everything but the slow tests
-	@$(IN_ENV) python -m pytest -m "not slow"
+	@$(IN_ENV) $(PYTEST) -m "not slow"
 
 test-all: check build ## Every test
-	@$(IN_ENV) python -m pytest
+	@$(IN_ENV) $(PYTEST)
 
 check: setup ## Lint, format and types
 	@.venv/bin/ruff check

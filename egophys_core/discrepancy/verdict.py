@@ -291,18 +291,20 @@ def decide(
             "they share is no evidence for either",
             experiment=experiment(best_one.name, episodes < 2),
         )
-    if rivals or episodes < 2:
+    if rivals or episodes < 2 or level(best_one):
         names = ", ".join(each.name for each in (best_one, *rivals))
-        why = (
-            f"{names} explain the residual about equally well"
-            if rivals
-            else f"{best_one.name} explains the residual, but of one motion only"
-        )
+        if rivals:
+            why = f"{names} explain the residual about equally well"
+        elif episodes < 2:
+            why = f"{best_one.name} explains the residual, but of one motion only"
+        else:
+            (other,) = THE_SAME - {best_one.name}
+            why = f"{best_one.name} explains the residual, and so would {other}"
         return Verdict(
             outcome=Outcome.AMBIGUOUS,
             judged=(best_one, *rivals),
             reason=why,
-            experiment=experiment(best_one.name, len(rivals) == 0),
+            experiment=experiment(best_one.name, episodes < 2),
         )
     return Verdict(
         outcome=Outcome.NAMED,

@@ -244,6 +244,15 @@ def test_a_tilt_and_a_horizontal_force_go_together_even_if_one_refit_ended_lower
     assert [each.name for each in verdict.judged] == ["constant_body_force", "gravity_tilt"]
 
 
+def test_a_tilt_is_not_named_alone_where_the_library_has_no_force():
+    tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
+    verdict = decide(
+        [replace(judged("quadratic_drag", CLEAR), name="gravity_tilt", parameters=tilt)], {"gravity_tilt": 0.01}, 0.0, 2
+    )
+    assert verdict.outcome == Outcome.AMBIGUOUS
+    assert "constant_body_force" in verdict.reason
+
+
 @pytest.mark.parametrize("steady", [True, False])
 def test_a_lead_that_lasts_over_the_blocks_is_clear_and_one_block_is_not(steady):
     gain = 0.8 * CLEAR

@@ -145,8 +145,10 @@ def _names(row: dict[str, Any]) -> list[str]:
 def _said(row: dict[str, Any]) -> str:
     if not row["named"]:
         return str(row["outcome"])
-    names = (" or " if row["outcome"] == "ambiguous" else " and ").join(row["named"])
-    return names + (", and a rest" if row["outcome"] == "named_and_unexplained" else "")
+    if row["outcome"] == "ambiguous":
+        # What mimics it may be left out of the library.
+        return " or ".join(row["named"] if len(row["named"]) > 1 else [*row["named"], "another"])
+    return " and ".join(row["named"]) + (", and a rest" if row["outcome"] == "named_and_unexplained" else "")
 
 
 def _simulation_table(result: dict[str, Any]) -> str:

@@ -20,6 +20,9 @@ from egophys_core.discrepancy.verdict import (
 from egophys_core.twin import ObjectKind
 from tests.simulation.scenes import sheet_model
 
+TILT = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
+"""Parameters of a clear tilt: their intervals leave out 0."""
+
 
 def judged(name: str, gain: float, **changes) -> Judged:
     """An effect that passes all tests if its gain is large."""
@@ -200,10 +203,9 @@ def test_what_a_refuted_effect_explains_as_well_is_mismatch_while_it_is_little()
 def test_a_refuted_special_case_does_not_refute_the_general_one():
     upward = {"x": 1.0, "y": 1.0, "z": 2.0}
     force = {axis: Estimate(value=value, unit="m/s^2", ci95=(0.5, 2.5)) for axis, value in upward.items()}
-    tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
     towel = SimpleNamespace(model=sheet_model())
     general = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force, fitted=towel)
-    special = replace(general, name="gravity_tilt", parameters=tilt, **REFUTED)
+    special = replace(general, name="gravity_tilt", parameters=TILT, **REFUTED)
     verdict = decide([general, special], {"constant_body_force": 0.01, "gravity_tilt": 0.01}, 0.0, 2)
     assert [each.name for each in verdict.judged] == ["constant_body_force"]
 
@@ -231,12 +233,11 @@ def test_a_general_effect_is_named_only_if_it_explains_clearly_more_than_its_spe
 def test_a_tilt_and_a_horizontal_force_go_together_even_if_one_refit_ended_lower(flaw):
     towel = SimpleNamespace(model=sheet_model())
     force = {axis: Estimate(value=1.0, unit="m/s^2", ci95=(0.5, 1.5)) for axis in "xyz"}
-    tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
     found = [
         replace(judged("quadratic_drag", gain, **flaws), name=name, parameters=numbers, fitted=towel)
         for name, gain, numbers, flaws in (
             ("constant_body_force", CLEAR, force, {}),
-            ("gravity_tilt", 0.4 * CLEAR, tilt, flaw),
+            ("gravity_tilt", 0.4 * CLEAR, TILT, flaw),
         )
     ]
     verdict = decide(found, {"constant_body_force": 0.01, "gravity_tilt": 0.01}, 0.0, 2)
@@ -245,9 +246,8 @@ def test_a_tilt_and_a_horizontal_force_go_together_even_if_one_refit_ended_lower
 
 
 def test_a_tilt_is_not_named_alone_where_the_library_has_no_force():
-    tilt = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
     verdict = decide(
-        [replace(judged("quadratic_drag", CLEAR), name="gravity_tilt", parameters=tilt)], {"gravity_tilt": 0.01}, 0.0, 2
+        [replace(judged("quadratic_drag", CLEAR), name="gravity_tilt", parameters=TILT)], {"gravity_tilt": 0.01}, 0.0, 2
     )
     assert verdict.outcome == Outcome.AMBIGUOUS
     assert "constant_body_force" in verdict.reason

@@ -3,10 +3,7 @@
 import numpy as np
 
 from egophys_core.discrepancy.effects.effect import Effect, Parameter, Surroundings, Values
-from egophys_core.discrepancy.effects.hands import HAND_SIZE
-
-LEAST_WIDTH = 0.003
-"""Metres: points of a hand that spread less than this across their line say nothing of how it turns."""
+from egophys_core.discrepancy.effects.hands import HAND_SIZE, turns
 
 FRAMES_APART = 10
 """Frames between those in which points are compared to tell which belong to one hand."""
@@ -22,21 +19,6 @@ def drive(values: Values, times: np.ndarray, controllers: np.ndarray) -> np.ndar
     for index, hand in enumerate(hands):
         moved[:, hand_of == index] += (turns(controllers[:, hand]) @ offset)[:, None]
     return moved
-
-
-def turns(points: np.ndarray) -> np.ndarray:
-    """[F, 3, 3] rotations of points [F, P, 3] from the first frame to each, by least squares (Kabsch, 1976).
-
-    No rotation where the points lie on a line.
-    """
-    centred = points - points.mean(axis=1, keepdims=True)
-    spreads = np.linalg.svd(centred[0], compute_uv=False)
-    if len(spreads) < 2 or spreads[1] < LEAST_WIDTH:
-        return np.tile(np.eye(3), (len(points), 1, 1))
-    left, _, right = np.linalg.svd(np.einsum("pi,fpj->fij", centred[0], centred))
-    # A reflection would fit flat hands as well.
-    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
-    return np.swapaxes(left @ right, 1, 2)
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:

@@ -8,7 +8,7 @@ import pytest
 from egophys_core.discrepancy.effects import LIBRARY, TwinEffect
 from egophys_core.discrepancy.effects.rotations import rotation
 from egophys_core.simulation import ContactKind, Controls, batch_of_models
-from tests.discrepancy.effects.situations import FRAME, frame_scene, lifted, loads_of, run, sheet, with_effect
+from tests.discrepancy.effects.situations import FRAME, frame_scene, lifted, run, sheet, with_effect
 from tests.simulation.scenes import frame_times, sheet_model
 
 HELD = np.array([[0, 0], [0, 1]])
@@ -47,32 +47,31 @@ def straight(frames=20):
     return start + (np.arange(frames) * FRAME)[:, None, None] * np.array([0.3, 0.0, 0.6])
 
 
-def test_slip_runs_at_its_rate_from_its_onset_towards_the_centre_of_mass():
+def test_slip_runs_at_its_velocity_from_its_onset():
     path = np.tile([[[0.0, 0.0, 0.2], [0.0, 0.0, 0.2], [0.5, 0, 0.2]]], (20, 1, 1))
-    shifts = grip_shifts("grasp_slip", {"rate": 0.1, "onset": 0.25}, path, [True] * 20)
-    ends = FRAME * np.arange(1, 21)
-    assert shifts[:, 0, 2] == pytest.approx(-0.1 * np.maximum(ends - 0.25, 0.0))
+    shifts = grip_shifts("grasp_slip", {"x": 0.05, "y": 0.0, "z": -0.1, "onset": 0.25}, path, [True] * 20)
+    since = np.maximum(FRAME * np.arange(1, 21) - 0.25, 0.0)
+    assert shifts[:, 0] == pytest.approx(since[:, None] * [0.05, 0.0, -0.1])
     assert (shifts[:, 2] == 0).all()
 
 
 def test_slip_ends_with_the_grip_and_where_nothing_is_left_to_hold():
     path = np.tile([[[0.0, 0.0, 2.0], [0.0, 0.0, 2.0]]], (80, 1, 1))
-    shifts = grip_shifts("grasp_slip", {"rate": 0.2, "onset": 0.0}, path, [True] * 70 + [False] * 10)
+    values = {"x": 0.0, "y": 0.0, "z": -0.2, "onset": 0.0}
+    shifts = grip_shifts("grasp_slip", values, path, [True] * 70 + [False] * 10)
     assert shifts[69, 0, 2] == pytest.approx(-0.3)
     assert (shifts[70:] == 0).all()
-
-
-def test_what_is_held_at_its_centre_of_mass_slips_down():
-    scene = frame_scene([[0, 0, 0]], controllers=np.zeros((2, 3)), held=HELD)
-    shift = loads_of("grasp_slip", {"rate": 0.1, "onset": 0.0}, [scene])[0].grip_shift
-    assert shift == pytest.approx(np.tile([0, 0, -0.1 * FRAME], (2, 1)))
 
 
 def test_a_slipping_object_sinks_under_the_hand():
     model = sheet(controller_stiffness=200.0, drag=2.0, stiffness=100.0)
     still = lifted(duration=1.5, height=0.0)
     plain = run(model, still).positions[0, :, :, 2].mean(axis=1)
-    slips = run(with_effect(model, "grasp_slip", rate=0.05, onset=0.5), still).positions[0, :, :, 2].mean(axis=1)
+    slips = (
+        run(with_effect(model, "grasp_slip", x=0.0, y=0.0, z=-0.05, onset=0.5), still)
+        .positions[0, :, :, 2]
+        .mean(axis=1)
+    )
     before = still.times <= 0.5
     assert np.abs(slips - plain)[before].max() < 1e-6
     assert slips[-1] - plain[-1] == pytest.approx(-0.05, abs=0.01)

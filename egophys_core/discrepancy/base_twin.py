@@ -5,15 +5,15 @@ of a fold; observers ask for graph and grasp that get the forces right. So graph
 beside the twin's own, and the best is refitted.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from egophys_core.discrepancy.knobs import base_knobs
-from egophys_core.discrepancy.refit import Fitted, refit, refit_further, residual_scale, robust_loss
+from egophys_core.discrepancy.knobs import base_knobs, with_effect
+from egophys_core.discrepancy.refit import Fitted, refit, refit_from, refit_further, residual_scale, robust_loss
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.identification.rest_shape import RestShape
 from egophys_core.identification.search_space import build_graph
@@ -75,6 +75,41 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterati
     best = replace(best, scale=min(scale, residual_scale(best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
     return Base(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
+
+
+def base_with(
+    observations: Sequence[Observation],
+    base: Base,
+    effects: Mapping[str, Mapping[str, float]],
+    *,
+    iterations: int,
+) -> tuple[Base, Fitted]:
+    """The base twin beside effects whose numbers are known, and the one without, from where these led as well.
+
+    Args:
+        base: the twin without them.
+        effects: numbers by effect and parameter; they are kept.
+        iterations: most steps of each refit.
+    """
+
+    def beside(model: ObjectModel) -> ObjectModel:
+        for name, values in effects.items():
+            model = with_effect(model, name, dict(values))
+        return model
+
+    without = base.fitted
+    starts = [beside(model) for model in (without.model, *base.others)]
+    found = residuals(observations, starts)
+    order = np.argsort([robust_loss([each[row] for each in found], without.scale) for row in range(len(starts))])
+    best = refit_from(
+        observations, [starts[row] for row in order], without.knobs, scale=without.scale, iterations=iterations
+    )
+    bare = [replace(best.model, effects=())]
+    relieved = refit_from(observations, bare, without.knobs, scale=without.scale, iterations=iterations)
+    # What they explain is gone from the residuals: what remains is judged on its own scale.
+    best = replace(best, scale=min(best.scale, residual_scale(best.residuals)))
+    fitted = refit_further(observations, best, iterations=iterations)
+    return Base(fitted=fitted, others=starts[1:]), min(without, relieved, key=lambda each: each.loss)
 
 
 def _wrinkling(model: ObjectModel) -> ObjectModel:

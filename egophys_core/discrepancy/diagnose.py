@@ -7,28 +7,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core import __version__
-from egophys_core.discrepancy.base_twin import base_fit
-from egophys_core.discrepancy.diagnosis import (
-    Candidate,
-    Diagnosis,
-    Evidence,
-    NamedEffect,
-    Outcome,
-)
+from egophys_core.discrepancy.base_twin import base_fit, base_with
+from egophys_core.discrepancy.diagnosis import Candidate, Diagnosis, Evidence, NamedEffect
 from egophys_core.discrepancy.effects import effect_named
+from egophys_core.discrepancy.explanation import explain
 from egophys_core.discrepancy.free_rollouts import FreeErrors, episode_error, free_errors
 from egophys_core.discrepancy.inquiry import Inquiry, Progress
 from egophys_core.discrepancy.judging import Judged
+from egophys_core.discrepancy.measurement import Measured, measure
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.ranking import Ranked
 from egophys_core.discrepancy.residuals import Observation, observe, track_offsets
-from egophys_core.discrepancy.search import Search, search
+from egophys_core.discrepancy.search import Search
 from egophys_core.discrepancy.where import where
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import episode_digest
 from egophys_core.options import to_mapping
-from egophys_core.twin import ObjectModel, Provenance, Twin
+from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
 
 BASE_REFITS = 2
 """Times as many steps for the twin without any effect: what it still gains later on would be taken for an effect's."""
@@ -49,7 +45,7 @@ class Finding:
     """A new version that names its parent."""
     evidence: Evidence
     searches: tuple[Search, ...]
-    """The one beside the twin as it is, and, after an effect was named, the one beside that."""
+    """The one beside the twin with what was measured, and, after it named an effect, the one beside that."""
 
 
 def diagnose(
@@ -113,47 +109,47 @@ def diagnose_observed(
     model = replace(twin.model, effects=())
     progress("refit the twin as it is", 0.05)
     base = base_fit(observations, model, iterations=BASE_REFITS * options.refit_iterations)
+    measured: list[Measured] = []
+    if not observations[0].free:
+        progress("measure what shows directly", 0.15)
+        measured = measure(
+            observations,
+            report_on,
+            is_sheet=model.kind == ObjectKind.SHEET,
+            without=without,
+            resamples=options.bootstraps,
+            seed=seed,
+        )
+    without_them = None
+    if measured:
+        progress("refit the twin beside what was measured", 0.15)
+        known = {each.name: each.values for each in measured}
+        base, without_them = base_with(observations, base, known, iterations=options.refit_iterations)
     inquiry = Inquiry(observations=observations, proofs=report_on, options=options, seed=seed)
-    first = search(
-        inquiry, base.fitted, without, lambda stage, share: progress(stage, 0.2 + 0.4 * share), others=base.others
-    )
-    final, named, reason = first.before, first.verdict.judged, first.verdict.reason
-    outcome, searches = first.verdict.outcome, [first]
-    if outcome in (Outcome.NAMED, Outcome.AMBIGUOUS):
-        final = named[0].fitted
-    if outcome == Outcome.NAMED:
-        left_out = {*without, named[0].name}
-        second = search(inquiry, final, left_out, lambda stage, share: progress(stage, 0.6 + 0.3 * share))
-        searches.append(second)
-        if second.verdict.outcome == Outcome.NAMED:
-            final = second.verdict.judged[0].fitted
-            named = (*named, second.verdict.judged[0])
-            reason += f"; beside it {second.verdict.reason}"
-        elif second.verdict.outcome != Outcome.NONE:
-            outcome = Outcome.NAMED_AND_UNEXPLAINED
-            reason += f"; beside it, {second.verdict.reason}"
+    found = explain(inquiry, base, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))
+    first = found.searches[0]
     progress("roll out before and after", 0.9)
     everywhere = [*observations, *report_on]
-    # The contest refitted it for as many steps as the effects, from where these led as well.
-    before = first.before.model
-    errors = [free_errors(each, [before, final.model]) for each in everywhere]
+    # Refitted for as many steps as with the effects, from where these led as well.
+    before = (without_them or first.before).model
+    errors = [free_errors(each, [before, found.fitted.model]) for each in everywhere]
     offsets = [track_offsets(each, [before])[0][0] for each in observations]
-    improved = _new_version(twin, final.model, [each.episode for each in observations], options, seed)
+    improved = _new_version(twin, found.fitted.model, [each.episode for each in observations], options, seed)
     diagnosis = Diagnosis(
-        outcome=outcome,
+        outcome=found.outcome,
         effects=tuple(
             NamedEffect(name=each.name, parameters=each.parameters, episodes_agree=each.episodes_agree)
-            for each in named
+            for each in found.named
         ),
-        candidates=_candidates(first),
-        experiment=first.verdict.experiment,
+        candidates=_candidates(first, measured),
+        experiment=found.experiment,
         where=where(observations, offsets, first.law.formula),
         error=tuple(
             episode_error(each, *pair, fitted=index < len(observations))
             for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
         ),
         seconds=time.monotonic() - started,
-        reason=reason,
+        reason=found.reason,
         twin_id=twin.twin_id,
         improved_twin_id=improved.twin_id,
     )
@@ -162,7 +158,7 @@ def diagnose_observed(
         diagnosis=diagnosis,
         twin=improved,
         evidence=_evidence(everywhere, errors, observations[0], offsets[0]),
-        searches=tuple(searches),
+        searches=found.searches,
     )
 
 
@@ -202,10 +198,20 @@ def _observed(model: ObjectModel, episode: Episode) -> Observation:
     return observation
 
 
-def _candidates(first: Search) -> tuple[Candidate, ...]:
-    """All effects, those that were refitted with the figures of the refit."""
+def _candidates(first: Search, measured: Sequence[Measured]) -> tuple[Candidate, ...]:
+    """All effects: those that were measured, and those that were refitted, with the figures of that."""
     ranking, refitted = first.ranking, {each.name: each for each in first.judged}
-    found = []
+    found = [
+        Candidate(
+            name=each.name,
+            held_out_gain=each.held_out_gain,
+            p_null=each.p_null,
+            fitted_gain=each.fitted_gain,
+            proof_gain=each.proof_gain,
+            values=each.values,
+        )
+        for each in measured
+    ]
     for linear in ranking.ranked:
         name = linear.name
         each: Ranked | Judged = refitted.get(name, linear)

@@ -16,8 +16,8 @@ from egophys_core.simulation import ContactKind
 NEAR = 0.07
 """Metres from a hand's centre within which tracks may be held."""
 
-HELD_TRACKS = 5
-"""Tracks that a hand holds; of 200 on a towel as many lie under two fingers."""
+HELD_TRACKS = 4
+"""Tracks that a hand holds; of 200 on a towel about as many lie between its fingers."""
 
 SEEN = 0.3
 """Share of a grip's frames in which a track must be seen."""

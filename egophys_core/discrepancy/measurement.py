@@ -18,9 +18,9 @@ from egophys_core.discrepancy.residuals import Observation
 from egophys_core.discrepancy.table_level import tilt, tilt_gain
 from egophys_core.discrepancy.verdict import EVENTS, LARGEST_P
 
-LEAST_GAIN = 15.0
-"""Gain in log-likelihood from which an effect is measured: in 20 rehearsed sets without one and in the recorded cases
-that do not lag or slip nothing gains more than 6, the smallest planted ones gain 19 and more."""
+LEAST_GAIN = 12.0
+"""Gain in log-likelihood from which an effect is measured: where none of these is planted, in 60 rehearsed sets and 11
+recorded cases, nothing gains 3; the small planted sizes gain 21 and more."""
 
 HELD_M = 0.005
 """Metres by which held tracks may still miss their hand with all that was found: what misses it by more is not held."""

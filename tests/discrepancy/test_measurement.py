@@ -9,7 +9,7 @@ from scipy.interpolate import interp1d
 
 from egophys_core.discrepancy.effects import TwinEffect
 from egophys_core.discrepancy.effects.rotations import rotation
-from egophys_core.discrepancy.measurement import Measured, measure
+from egophys_core.discrepancy.measurement import LEAST_GAIN, Measured, measure
 from egophys_core.discrepancy.residuals import Observation, observe
 from egophys_core.episode import Episode
 from egophys_core.identification.rest_shape import RestShape
@@ -78,7 +78,7 @@ def test_an_effect_is_measured_with_its_numbers(name: str, within: float):
     for number, value in EXPECTED[name].items():
         assert found.values[number] == pytest.approx(value, abs=0.2 if number == "onset" else within)
     assert found.episodes_agree
-    assert min(found.fitted_gain, found.held_out_gain) >= 15.0
+    assert min(found.fitted_gain, found.held_out_gain) >= LEAST_GAIN
     assert found.proof_gain is not None
     assert found.proof_gain > 0.0
     assert name in found.reason

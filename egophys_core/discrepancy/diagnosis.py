@@ -50,7 +50,8 @@ class Candidate:
 
     name: str
     held_out_gain: float
-    """Gain in log-likelihood on blocks and episodes that were not fitted, over the same refit without the effect."""
+    """Gain in log-likelihood on blocks and episodes that were not fitted, over the same refit without the effect;
+    of what was measured directly, on grips or sheets at rest that were not fitted."""
     p_null: float
     """Share of shams, regressors shifted in time, that gain as much: the largest over all candidates counts."""
     fitted_gain: float

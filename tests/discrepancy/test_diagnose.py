@@ -14,6 +14,7 @@ from egophys_core.errors import DiscrepancyError, EpisodeError, TwinError
 from egophys_core.twin import load_twin
 from egophys_core.twin.parameters import GRAVITY
 from tests.discrepancy.rehearsed import WIND, episodes, sheet
+from tests.discrepancy.test_measurement import fine_sheet, measured_episodes
 from tests.identification.synthetic import episode_of, make_episode
 from tests.twin.examples import make_twin
 
@@ -118,3 +119,18 @@ def test_a_name_taken_out_is_never_given():
     diagnosis = diagnose(make_twin(sheet()), episodes(WIND), QUICK, without=(WIND.name,)).diagnosis
     assert WIND.name not in [candidate.name for candidate in diagnosis.candidates]
     assert WIND.name not in [effect.name for effect in diagnosis.effects]
+
+
+@pytest.mark.slow
+def test_what_is_measured_directly_is_named_and_kept():
+    *fitted, proof = measured_episodes("control_delay")
+    finding = diagnose(make_twin(fine_sheet()), fitted, QUICK, report_on=[proof])
+    diagnosis = finding.diagnosis
+    assert diagnosis.outcome == Outcome.NAMED, diagnosis.reason
+    (delay,) = diagnosis.effects
+    assert delay.name == "control_delay"
+    assert delay.parameters["delay"].value == pytest.approx(0.1, abs=0.005)
+    assert delay.parameters["delay"].value == finding.twin.model.effects[0].values["delay"]
+    assert delay.name in [each.name for each in diagnosis.candidates]
+    for error in diagnosis.error:
+        assert error.track_after_m < 0.8 * error.track_before_m

@@ -26,7 +26,7 @@ EXPECTED = {
 
 
 @cache
-def sheet() -> ObjectModel:
+def fine_sheet() -> ObjectModel:
     """A sheet whose nodes lie as close as tracks of a towel do, in a firm grip."""
     shape = RestShape(
         positions=sheet_positions(11, 0.018, 0.004), surface=np.ones(121, bool), kind=ObjectKind.SHEET, spacing=0.018
@@ -50,15 +50,21 @@ def recorded(episode: Episode, *names: str) -> Episode:
 
 
 @cache
-def observed(*names: str) -> list[Observation]:
-    """Three motions under effects, beside the twin without them."""
+def measured_episodes(*names: str) -> list[Episode]:
+    """Three motions under effects."""
     slips = (TwinEffect(name="grasp_slip", values=EXPECTED["grasp_slip"]),) if "grasp_slip" in names else ()
-    model = replace(sheet(), effects=slips)
+    model = replace(fine_sheet(), effects=slips)
     carries = {"lift": (0.06, 0.04, 0.2), "swing": (-0.12, 0.1, 0.16), "away": (-0.1, -0.1, 0.18)}
     return [
-        observe(sheet(), recorded(make_episode(model, name=name, duration=3.2, carry=carry, noise_m=0.001), *names))
+        recorded(make_episode(model, name=name, duration=3.2, carry=carry, noise_m=0.001), *names)
         for name, carry in carries.items()
     ]
+
+
+@cache
+def observed(*names: str) -> list[Observation]:
+    """The same beside the twin without the effects."""
+    return [observe(fine_sheet(), episode) for episode in measured_episodes(*names)]
 
 
 def measured(

@@ -121,9 +121,9 @@ def diagnose_observed(
             seed=seed,
         )
     without_them = None
-    if measured:
+    known = {each.name: each.values for each in measured if each.shows}
+    if known:
         progress("refit the twin beside what was measured", 0.15)
-        known = {each.name: each.values for each in measured}
         base, without_them = base_with(observations, base, known, iterations=options.refit_iterations)
     inquiry = Inquiry(observations=observations, proofs=report_on, options=options, seed=seed)
     found = explain(inquiry, base, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))

@@ -36,21 +36,23 @@ def explain(
 
     Args:
         inquiry: the episodes.
-        base: the twin with the effects that were measured.
-        measured: these.
+        base: the twin with those of the measured effects that show.
+        measured: the effects that were measured; none of them is searched for.
         without: names of effects that are left out.
         progress: called with stage and share done.
     """
-    named: list[Measured | Judged] = [*measured]
-    reasons = [each.reason for each in measured]
+    shown = [each for each in measured if each.shows]
+    named: list[Measured | Judged] = [*shown]
+    reasons = [each.reason for each in shown]
     fitted, others, searches = base.fitted, base.others, list[Search]()
-    rounds = ROUNDS - bool(measured)
+    rounds = ROUNDS - bool(shown)
+    told = {*without, *(each.name for each in measured)}
     for index in range(rounds):
 
         def report(stage: str, share: float, done: int = index) -> None:
             progress(stage, (done + share) / rounds)
 
-        found = search(inquiry, fitted, {*without, *(each.name for each in named)}, report, others=others)
+        found = search(inquiry, fitted, {*told, *(each.name for each in named)}, report, others=others)
         searches.append(found)
         if found.verdict.outcome != Outcome.NAMED:
             break

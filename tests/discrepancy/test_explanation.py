@@ -8,7 +8,8 @@ import pytest
 from egophys_core.discrepancy import explanation
 from egophys_core.discrepancy.diagnosis import Outcome
 
-DELAY = SimpleNamespace(name="control_delay", reason="control_delay is measured")
+DELAY = SimpleNamespace(name="control_delay", shows=True, reason="control_delay is measured")
+ABSENT = SimpleNamespace(name="tracking_scale", shows=False, reason="tracking_scale is measured")
 
 
 def judged(name: str) -> SimpleNamespace:
@@ -37,6 +38,8 @@ EITHER = verdict(Outcome.AMBIGUOUS, "tilt", "force")
         ([], [DRAG, EITHER], Outcome.NAMED_AND_UNEXPLAINED, ["drag"], "with drag"),
         ([DELAY], [NONE], Outcome.NAMED, ["control_delay"], "base"),
         ([DELAY], [DRAG], Outcome.NAMED, ["control_delay", "drag"], "with drag"),
+        ([ABSENT], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
+        ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], "base"),
         ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], "base"),
     ],
 )
@@ -71,5 +74,6 @@ def test_the_outcome_is_of_all_that_was_found(
     assert len(asked) == len(verdicts)
     assert shares == sorted(shares)
     assert asked[0] == {"grasp_slip", *(each.name for each in measured)}
-    for each in (*measured, *(one for one in verdicts if one.outcome == Outcome.NAMED)):
+    for each in (*(one for one in measured if one.shows), *(one for one in verdicts if one.outcome == Outcome.NAMED)):
         assert each.reason in found.reason
+    assert ABSENT.reason not in found.reason

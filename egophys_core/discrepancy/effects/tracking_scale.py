@@ -1,17 +1,20 @@
-"""Motions of the hands are recorded too large or too small."""
+"""The object is recorded too small or too large."""
 
 from dataclasses import replace
-from typing import Any
 
-from egophys_core.discrepancy.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
-from egophys_core.discrepancy.effects.hands import moved_since_hold
+import numpy as np
+
+from egophys_core.discrepancy.effects.effect import Body, Effect, Parameter, Surroundings, Values
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """Scales how far each hand moved since it took hold; where it took hold stays."""
-    moved, grip = moved_since_hold(scene, memory)
-    shift = (values["scale"] - 1.0) * moved
-    return Load(grip_shift=shift), replace(grip, shift=shift)
+def drive(values: Values, times: np.ndarray, controllers: np.ndarray) -> np.ndarray:
+    """The hands where they are in the record of the object: on its scale, from the same origin."""
+    return values["scale"] * controllers
+
+
+def adapt(values: Values, body: Body) -> Body:
+    """What falls is recorded on that scale, too."""
+    return replace(body, gravity=body.gravity * values["scale"])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -21,12 +24,13 @@ def starts(surroundings: Surroundings) -> list[dict[str, float]]:
 
 EFFECT = Effect(
     name="tracking_scale",
-    summary="the hands moved farther, or less far, than recorded",
-    equation="c(t) = c_hold + scale (c_recorded(t) - c_hold)",
+    summary="the object is recorded smaller or larger than it is, about the origin, and the hands are not",
+    equation="p_recorded = scale p",
     source="Umeyama, IEEE Trans. Pattern Analysis and Machine Intelligence 13 (1991) 376: similarity of two records",
     parameters=(Parameter(name="scale", unit="1", low=0.5, high=2.0, step=0.03, null=1.0),),
-    mimics=("grasp_slip", "gravity_scale", "tracking_rotation", "control_delay"),
+    mimics=("grasp_slip", "gravity_scale", "tracking_rotation", "control_delay", "tracking_offset"),
     experiment="move the gripper alone between two marks whose distance is known, with a point tracked on it",
     starts=starts,
-    load=load,
+    drive=drive,
+    adapt=adapt,
 )

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.movement import movement
 from benchmarks.side_by_side import side_by_side
 from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.options import DiagnosisOptions
@@ -106,15 +107,27 @@ def cases() -> list[Case]:
 def episodes_of(case: Case) -> list[Episode]:
     """The rehearsed episodes of a case, the last of which is not fitted."""
     options = RehearsalOptions(object=RehearsalObject(case.object), points=POINTS)
-    effects: Mapping[str, Mapping[str, float]] = (
-        {} if case.effect == "none" else {case.effect: planted_sizes(case.effect)[case.size]}
-    )
     return [
-        rehearse(
-            options, Motion(motion), seed=10 * case.object_seed + index, effects=effects, object_seed=case.object_seed
-        )
-        for index, motion in enumerate(case.motions)
+        rehearse(options, motion, seed=seed, effects=_effects(case), object_seed=case.object_seed)
+        for motion, seed in _motions(case)
     ]
+
+
+def movement_of(case: Case) -> float:
+    """Metres by which the effect of a case moves the points."""
+    options = RehearsalOptions(
+        object=RehearsalObject(case.object), points=POINTS, noise_m=0.0, dropout=0.0, occlusion=False
+    )
+    return movement(options, _motions(case), _effects(case), object_seed=case.object_seed)
+
+
+def _effects(case: Case) -> Mapping[str, Mapping[str, float]]:
+    return {} if case.effect == "none" else {case.effect: planted_sizes(case.effect)[case.size]}
+
+
+def _motions(case: Case) -> list[tuple[Motion, int]]:
+    """The motions of a case, each with the seed of its hands."""
+    return [(Motion(motion), 10 * case.object_seed + index) for index, motion in enumerate(case.motions)]
 
 
 def measure(case: Case) -> dict[str, Any]:
@@ -169,13 +182,18 @@ def run(*, minutes: float = 1e9) -> dict[str, Any]:
         minutes: begin no further case after this long.
     """
     kept = json.loads(RESULT.read_text()) if RESULT.exists() else {"rows": []}
-    rows = kept["rows"]
+    rows, moved = kept["rows"], kept.setdefault("moved_m", {})
     done = {_key(row) for row in rows}
+    planted = [case for case in cases() if case.effect != "none" and not case.without]
+    unmoved = [case for case in planted if case.size not in moved.get(case.effect, {})]
+    for case, metres in side_by_side(movement_of, unmoved, minutes=minutes):
+        moved.setdefault(case.effect, {})[case.size] = metres
+        write_json(RESULT, kept)
     missing = [case for case in cases() if case.key not in done]
     for _, row in side_by_side(measure, missing, minutes=minutes):
         rows.append(row)
         write_json(RESULT, kept)
-    return {"rows": rows}
+    return {"rows": rows, "moved_m": moved}
 
 
 def _key(row: Mapping[str, Any]) -> str:

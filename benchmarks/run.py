@@ -114,11 +114,15 @@ def _planted_table(result: dict[str, Any]) -> str:
         + ", ".join(f"{_share(_of(planted, size, True), [])} of the {size} ones" for size in ("large", "small"))
         + ".",
         "",
-        "| planted | large | small | large, entry left out | small, entry left out |",
-        "|---|---|---|---|---|",
+        "| planted | moves points by (mm) | large | small | large, entry left out | small, entry left out |",
+        "|---|---|---|---|---|---|",
     ]
+    moved = result.get("moved_m", {})
     for name in sorted({row["effect"] for row in planted}):
-        cells = [_said(found[name, *column]) if (name, *column) in found else "" for column in columns]
+        cells = [
+            ", ".join(f"{1000 * moved[name][size]:.1f}" for size in ("large", "small") if size in moved.get(name, {}))
+        ]
+        cells += [_said(found[name, *column]) if (name, *column) in found else "" for column in columns]
         lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
 

@@ -45,8 +45,7 @@ difference, over blocks of time, may be chance."""
 
 PROOF_SHARE = 0.5
 """Share of an effect's gain by which episodes that were not fitted may raise or lower the evidence for it: of a planted
-drag, a tether and a place with rougher friction, which gained 69, 70 and 73, they gained 34, 2 and 14; a lump in a toy
-gained 63 and 43, nothing in 20 rehearsed sets without an effect is named for it."""
+drag, a tether and a place with rougher friction, which gained 69, 70 and 73, they gained 34, 2 and 14."""
 
 LESSER = 0.4
 """Share of a general effect's gain from which a special case is kept in its place if it predicts more of what was not
@@ -139,10 +138,10 @@ def disproven(judged: Judged) -> bool:
 
 
 def needed(judged: Judged, others: Sequence[Judged]) -> float:
-    """The evidence that an effect needs beside others."""
+    """The gain that an effect needs beside others."""
     alike = {judged.name, *judged.mimics}
     crowd = [each for each in others if each.name not in alike and each.gain > CROWD * judged.gain]
-    return CROWDED_GAIN if any(not refuted(each) for each in crowd) else LEAST_GAIN
+    return (CROWDED_GAIN if any(not refuted(each) for each in crowd) else LEAST_GAIN) + freedom(judged)
 
 
 def freedom(judged: Judged) -> float:
@@ -151,7 +150,7 @@ def freedom(judged: Judged) -> float:
 
 
 def evidence(judged: Judged) -> float:
-    """What speaks for an effect: its gain, less what its many numbers are asked for, and its proof."""
+    """What speaks for an effect beside others: its gain, less what its many numbers are asked for, and its proof."""
     most = PROOF_SHARE * abs(judged.gain)
     return judged.gain - freedom(judged) + float(np.clip(judged.proof_gains.sum(), -most, most))
 
@@ -250,8 +249,7 @@ def decide(
         each
         for each in ordered
         if acceptable(each, p_null[each.name])
-        and evidence(each) >= needed(each, likely)
-        and each.gain >= least
+        and each.gain >= max(least, needed(each, likely))
         and (not second or bool((each.episode_gains > 0.0).all()))
     ]
     good = [each for each in good if not needless(each, good, likely)]

@@ -68,16 +68,6 @@ def test_beside_others_that_gain_alike_more_is_asked_for():
     assert (alone.outcome, crowded.outcome) == (Outcome.NAMED, Outcome.NONE)
 
 
-def test_what_episodes_that_were_not_fitted_bear_out_needs_less_of_a_lead():
-    gain, other = 0.85 * CROWDED_GAIN, judged("anisotropy", 0.7 * CROWDED_GAIN)
-
-    def outcome(size: float, proof: float) -> Outcome:
-        return decide([judged("control_delay", size, proof_gains=np.array([proof])), other], P, 0.0, 2).outcome
-
-    assert (outcome(gain, 20.0), outcome(gain, 0.11 * gain)) == (Outcome.NAMED, Outcome.NONE)
-    assert outcome(0.9 * LEAST_GAIN, 100.0) == Outcome.NONE
-
-
 def test_what_episodes_that_were_not_fitted_speak_against_is_not_named():
     proven, disproven = (
         [judged("quadratic_drag", CLEAR, proof_gains=np.array(gains))] for gains in ([40, -20], [20, -40])

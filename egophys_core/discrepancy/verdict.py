@@ -168,6 +168,13 @@ def beaten(judged: Judged, best: Judged) -> bool:
     return evidence(judged) < EQUAL * evidence(best) and low > 0.0
 
 
+def outdone(judged: Judged, good: Sequence[Judged]) -> bool:
+    """Whether an effect is no rival of the first of those that are good: it explains clearly less, or it is another one
+    in each motion while the first is the same in all."""
+    fickle = good[0].episodes_agree and not judged.episodes_agree and any(judged is each for each in good)
+    return fickle or beaten(judged, good[0])
+
+
 def needless(judged: Judged, good: Sequence[Judged], likely: Sequence[Judged]) -> bool:
     """Whether a special case of an effect explains about as much, or predicts more of what was not fitted."""
     special = {name for name in SPECIAL_CASES.get(judged.name, ()) if {judged.name, name} != THE_SAME}
@@ -253,7 +260,7 @@ def decide(
         and (not second or bool((each.episode_gains > 0.0).all()))
     ]
     good = [each for each in good if not needless(each, good, likely)]
-    near = [each for each in likely if good and each is not good[0] and not beaten(each, good[0])]
+    near = [each for each in likely if good and each is not good[0] and not outdone(each, good)]
     rivals = [each for each in near if any(each is other for other in good)]
     if good and level(good[0]):
         # One thing under two names: that one's refit ended worse, or fails a test, says nothing of which it is.

@@ -187,6 +187,16 @@ def test_of_two_that_gain_alike_the_one_that_unfitted_episodes_bear_out_is_named
     assert (verdict.outcome, [each.name for each in verdict.judged]) == (Outcome.NAMED, ["quadratic_drag"])
 
 
+def test_of_two_that_gain_alike_the_one_that_is_the_same_in_every_episode_is_named():
+    same, another = judged("quadratic_drag", 1.02 * CLEAR), judged("control_delay", CLEAR, episodes_agree=False)
+    assert [each.name for each in decide([same, another], P, 0.0, 2).judged] == ["quadratic_drag"]
+    both_differ = [replace(same, episodes_agree=False), another]
+    assert decide(both_differ, P, 0.0, 2).outcome == Outcome.AMBIGUOUS
+    # The one that gains most has to be the same, too.
+    ahead = judged("control_delay", 1.1 * CLEAR, episodes_agree=False)
+    assert decide([ahead, same], P, 0.0, 2).outcome == Outcome.AMBIGUOUS
+
+
 def test_what_a_refuted_effect_explains_as_well_is_no_evidence():
     refuted = judged("control_delay", 1.1 * CLEAR, **REFUTED)
     verdict = decide([judged("quadratic_drag", CLEAR), refuted], P, 0.0, 2)

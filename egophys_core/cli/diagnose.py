@@ -35,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="EPISODE",
-        help=".mcap file or rosbag2 folder; two motions or more, to tell the object from the motion; of three or more, "
-        "without --report-on, the last third is not fitted",
+        help=".mcap file or rosbag2 folder; two motions or more, to tell the object from the motion; of three or more "
+        "the last third is not fitted: what is named has to show there, too",
     )
     parser.add_argument(
         "--out",
@@ -51,7 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         type=Path,
         metavar="EPISODE",
-        help="further episodes of the object that are not fitted: what is named has to show in them, too",
+        help="further episodes of the object, which have no part in what is found: errors are reported on them",
     )
     parser.add_argument(
         "--without", nargs="+", default=[], metavar="EFFECT", help="effects of the library to leave out, by name"

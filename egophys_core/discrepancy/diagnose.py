@@ -61,9 +61,9 @@ def diagnose(
     """Find what a twin lacks.
 
     Args:
-        episodes: two motions or more, to tell the object from the motion. Of three or more, without `report_on`, the
-            last third is not fitted.
-        report_on: further episodes of the object that are not fitted: an effect has to show in them, too.
+        episodes: two motions or more, to tell the object from the motion. Of three or more the last third is not
+            fitted: what is named has to show there, too.
+        report_on: further episodes of the object, which have no part in what is found: errors are reported on them.
         without: effects of the library to leave out.
         seed: of shams and resamples.
         progress: called with stage and share done.
@@ -101,9 +101,8 @@ def diagnose_observed(
 ) -> Finding:
     """As `diagnose`, from episodes in which the twin has its place already."""
     started = time.monotonic()
-    if not report_on:
-        fitted = len(observations) - len(observations) // PROOF
-        observations, report_on = observations[:fitted], observations[fitted:]
+    fitted = len(observations) - len(observations) // PROOF
+    observations, proofs = observations[:fitted], observations[fitted:]
     for name in without:
         effect_named(name)
     model = replace(twin.model, effects=())
@@ -114,7 +113,7 @@ def diagnose_observed(
         progress("measure what shows directly", 0.15)
         measured = measure(
             observations,
-            report_on,
+            proofs,
             is_sheet=model.kind == ObjectKind.SHEET,
             without=without,
             resamples=options.bootstraps,
@@ -125,11 +124,11 @@ def diagnose_observed(
     if known:
         progress("refit the twin beside what was measured", 0.15)
         base, without_them = base_with(observations, base, known, iterations=options.refit_iterations)
-    inquiry = Inquiry(observations=observations, proofs=report_on, options=options, seed=seed)
+    inquiry = Inquiry(observations=observations, proofs=proofs, options=options, seed=seed)
     found = explain(inquiry, base, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))
     first = found.searches[0]
     progress("roll out before and after", 0.9)
-    everywhere = [*observations, *report_on]
+    everywhere = [*observations, *proofs, *report_on]
     # Refitted for as many steps as with the effects, from where these led as well.
     before = (without_them or first.before).model
     errors = [free_errors(each, [before, found.fitted.model]) for each in everywhere]

@@ -123,8 +123,7 @@ def test_a_name_taken_out_is_never_given():
 
 @pytest.mark.slow
 def test_what_is_measured_directly_is_named_and_kept():
-    *fitted, proof = measured_episodes("control_delay")
-    finding = diagnose(make_twin(fine_sheet()), fitted, QUICK, report_on=[proof])
+    finding = diagnose(make_twin(fine_sheet()), measured_episodes("control_delay"), QUICK)
     diagnosis = finding.diagnosis
     assert diagnosis.outcome == Outcome.NAMED, diagnosis.reason
     (delay,) = diagnosis.effects

@@ -9,12 +9,14 @@ import pytest
 from egophys_core.discrepancy.diagnosis import Estimate, Outcome
 from egophys_core.discrepancy.judging import Judged
 from egophys_core.discrepancy.verdict import (
+    ANOTHER_MOTION,
     CROWDED_GAIN,
     FLOOR_M,
     LEAST_GAIN,
     PROOF_GAIN,
     SECOND_GAIN,
     STRUCTURE_GAIN,
+    UNPROVEN_GAIN,
     decide,
 )
 from egophys_core.twin import ObjectKind
@@ -41,7 +43,7 @@ def judged(name: str, gain: float, **changes) -> Judged:
         "block_gains": np.full(20, gain / 20),
         "gain_ci95": (0.5 * gain, 1.5 * gain),
         "episode_gains": np.array([gain / 2, gain / 2]),
-        "proof_gains": np.zeros(0),
+        "proof_gains": np.array([gain / 2]),
         "parameters": {
             key: Estimate(value=value, unit="1", ci95=(0.5 * value, 2 * value)) for key, value in numbers.items()
         },
@@ -74,6 +76,15 @@ def test_what_episodes_that_were_not_fitted_speak_against_is_not_named():
     )
     assert decide(proven, P, 0.0, 2).outcome == Outcome.NAMED
     assert decide(disproven, P, 0.0, 2).outcome == Outcome.NONE
+
+
+def test_without_such_episodes_more_is_asked_for_or_another_motion():
+    little, enough = (
+        decide([judged("quadratic_drag", factor * UNPROVEN_GAIN, proof_gains=np.zeros(0))], P, 0.0, 2)
+        for factor in (0.9, 1.1)
+    )
+    assert (little.outcome, enough.outcome) == (Outcome.UNEXPLAINED, Outcome.NAMED)
+    assert (little.experiment, enough.experiment) == (ANOTHER_MOTION, None)
 
 
 def test_a_large_gain_in_them_is_enough_whatever_an_effect_gains_elsewhere():

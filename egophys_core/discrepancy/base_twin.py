@@ -40,10 +40,8 @@ BENDING_RATIOS = {ObjectKind.SHEET: (0.03, 0.3), ObjectKind.SOLID: (0.03,)}
 COMPRESSION_RATIO = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 1.0}
 """Of the stiffness of a spring, left when it is pressed, at which a variant begins: cloth wrinkles between nodes."""
 
-ROUNDS = ((6, 3), (3, 5))
-"""So many of the best are refitted by so many steps, round after round, before the best one is refitted to the end.
-Where they begin says little of where they end: a toy's own twin, fitted before, began at 986 and ended at 615; the
-third one began at 1283 and ended at 337. Of the first six of two rehearsed sheets the last ended best."""
+FINALISTS, TRIAL_STEPS = 2, 3
+"""Variants that are refitted, and by how many steps, before the best of them is refitted to the end."""
 
 DAMPING_RATE = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 3.0}
 """1/s."""
@@ -68,16 +66,12 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, iterati
     order = np.argsort(losses)
     scale = residual_scale([each[order[0]] for each in found])
     clamped = observations[0].free
-    (count, steps), *later = ROUNDS
-    fits = [
-        refit(observations, models[row], base_knobs(models[row], clamped=clamped), iterations=steps, scale=scale)
-        for row in order[:count]
+    first = [
+        refit(observations, models[row], base_knobs(models[row], clamped=clamped), iterations=TRIAL_STEPS, scale=scale)
+        for row in order[:FINALISTS]
     ]
-    for count, steps in later:
-        fits.sort(key=lambda each: each.loss)
-        fits = [refit_further(observations, each, iterations=steps) for each in fits[:count]]
-    fits.sort(key=lambda each: each.loss)
-    best, *runners_up = fits
+    first.sort(key=lambda each: each.loss)
+    best, *runners_up = first
     best = replace(best, scale=min(scale, residual_scale(best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
     return Base(fitted=fitted, others=[*own, *(each.model for each in runners_up)])

@@ -152,7 +152,7 @@ class Client:
         client = self.node.create_client(kind, name, callback_group=self._group)
         try:
             self._wait_for_server(client.service_is_ready, f"service {name}")
-            return self._result(client.call_async(request or kind.Request()), timeout, f"answer of {name}")
+            return self._answer(lambda: client.call_async(request or kind.Request()), timeout, f"answer of {name}")
         finally:
             self.node.destroy_client(client)
 
@@ -239,21 +239,32 @@ class Client:
         client = ActionClient(self.node, kind, name, callback_group=self._group)
         self._wait_for_server(client.server_is_ready, f"action {name}")
         feedback = (lambda message: on_feedback(message.feedback)) if on_feedback else None
-        sent = client.send_goal_async(goal, feedback_callback=feedback)
-        return self._result(sent, ANSWER_TIMEOUT, f"answer to the goal for {name}")
+        return self._answer(
+            lambda: client.send_goal_async(goal, feedback_callback=feedback),
+            ANSWER_TIMEOUT,
+            f"answer to the goal for {name}",
+        )
 
     def result(self, handle: ClientGoalHandle, timeout: float = RESULT_TIMEOUT) -> Any:
         """What an accepted goal ended with: `.status` (GoalStatus) and `.result`."""
-        return self._result(handle.get_result_async(), timeout, "the goal's result")
+        return self._answer(handle.get_result_async, timeout, "the goal's result")
 
     def cancel(self, handle: ClientGoalHandle) -> Any:
         """Ask for a goal's cancellation; the answer, not the result."""
-        return self._result(handle.cancel_goal_async(), ANSWER_TIMEOUT, "answer to the cancellation")
+        return self._answer(handle.cancel_goal_async, ANSWER_TIMEOUT, "answer to the cancellation")
 
     def _wait_for_server(self, is_ready: Callable[[], bool], what: str) -> None:
         wait_until(is_ready, APPEAR_TIMEOUT, what)
         time.sleep(REPLY_PATH_TIME)
 
-    def _result(self, future: Any, timeout: float, what: str) -> Any:
+    def _answer(self, send: Callable[[], Any], timeout: float, what: str) -> Any:
+        """What the future that `send` returns ends with.
+
+        It is sent from the thread that receives: rclpy expects an answer to an action's request only after it
+        has sent the request, and ignores one that another thread receives in between.
+        """
+        sent = self._executor.create_task(send)
+        wait_until(sent.done, timeout, f"sending for {what}")
+        future = sent.result()
         wait_until(future.done, timeout, what)
         return future.result()

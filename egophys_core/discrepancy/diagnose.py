@@ -3,6 +3,7 @@
 import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,6 +32,8 @@ BASE_REFITS = 2
 
 PROOF = 3
 """Of so many episodes one is not fitted: whether an effect shows there, too, says more than any fit."""
+
+Told = TypeVar("Told")
 
 LEAST_MOTION_S = 1.0
 """Seconds of handling below which an episode says nothing."""
@@ -101,13 +104,12 @@ def diagnose_observed(
 ) -> Finding:
     """As `diagnose`, from episodes in which the twin has its place already."""
     started = time.monotonic()
-    fitted = len(observations) - len(observations) // PROOF
-    observations, proofs = observations[:fitted], observations[fitted:]
+    observations, proofs = fitted_and_proofs(observations)
     for name in without:
         effect_named(name)
     model = replace(twin.model, effects=())
     progress("refit the twin as it is", 0.05)
-    base = base_fit(observations, model, iterations=BASE_REFITS * options.refit_iterations)
+    base = base_fit(observations, model, starts=options.base_starts, iterations=BASE_REFITS * options.refit_iterations)
     measured: list[Measured] = []
     if not observations[0].free:
         progress("measure what shows directly", 0.15)
@@ -159,6 +161,12 @@ def diagnose_observed(
         evidence=_evidence(everywhere, errors, observations[0], offsets[0]),
         searches=found.searches,
     )
+
+
+def fitted_and_proofs(episodes: Sequence[Told]) -> tuple[Sequence[Told], Sequence[Told]]:
+    """The episodes that a diagnosis fits, and the last ones, in which what it names has to show."""
+    fitted = len(episodes) - len(episodes) // PROOF
+    return episodes[:fitted], episodes[fitted:]
 
 
 def _require_distinct(episodes: Sequence[Episode]) -> None:

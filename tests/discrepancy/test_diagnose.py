@@ -18,7 +18,7 @@ from tests.discrepancy.test_measurement import fine_sheet, measured_episodes
 from tests.identification.synthetic import episode_of, make_episode
 from tests.twin.examples import make_twin
 
-QUICK = DiagnosisOptions(shortlist=2, refit_iterations=3, shams=40, bootstraps=100)
+QUICK = DiagnosisOptions(base_starts=2, shortlist=2, refit_iterations=3, shams=40, bootstraps=100)
 
 
 @pytest.fixture(scope="module")

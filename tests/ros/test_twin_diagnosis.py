@@ -18,6 +18,7 @@ pytestmark = pytest.mark.ros
 
 NODE = "/twin_node"
 SMALL = {
+    "diagnosis.base_starts": 2,
     "diagnosis.refit_iterations": 1,
     "diagnosis.shortlist": 1,
     "diagnosis.shams": 20,

@@ -1,0 +1,31 @@
+"""The base twin: the best of some graphs and grasps, on a small sheet of our own simulator."""
+
+import pytest
+
+from egophys_core.discrepancy.base_twin import base_fit
+from egophys_core.discrepancy.refit import robust_loss
+from egophys_core.discrepancy.residuals import observe, residuals
+from tests.discrepancy.rehearsed import episodes, sheet
+
+
+@pytest.fixture(scope="module")
+def observations():
+    return [observe(sheet(), episode) for episode in episodes()]
+
+
+def losses(observations, models, scale):
+    found = residuals(observations, models)
+    return [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
+
+
+def test_the_base_explains_more_than_the_twin_and_all_else_it_was_chosen_from(observations):
+    base = base_fit(observations, sheet(), starts=4, iterations=2)
+    of_twin, *of_others = losses(observations, [sheet(), *base.others], base.fitted.scale)
+    assert base.fitted.loss < of_twin
+    assert base.fitted.loss < min(of_others)
+
+
+@pytest.mark.parametrize(("starts", "runners_up"), [(1, 0), (2, 1), (4, 1)])
+def test_of_the_starts_half_go_on_until_two_or_three_are_left(observations, starts, runners_up):
+    base = base_fit(observations, sheet(), starts=starts, iterations=0)
+    assert len(base.others) == 2 + runners_up

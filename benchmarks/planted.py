@@ -14,7 +14,7 @@ from typing import Any
 
 from benchmarks.movement import movement
 from benchmarks.side_by_side import side_by_side
-from egophys_core.discrepancy.diagnose import diagnose
+from egophys_core.discrepancy.diagnose import diagnose, fitted_and_proofs
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.search import Search
 from egophys_core.episode import Episode
@@ -133,7 +133,7 @@ def _motions(case: Case) -> list[tuple[Motion, int]]:
 def measure(case: Case) -> dict[str, Any]:
     """One row of the result."""
     episodes = episodes_of(case)
-    twin = build_twin(episodes[:-1], FIT, seed=0)
+    twin = build_twin(fitted_and_proofs(episodes)[0], FIT, seed=0)
     started = time.monotonic()
     left_out = (case.without,) if case.without else ()
     finding = diagnose(twin, episodes, DIAGNOSIS, without=left_out)

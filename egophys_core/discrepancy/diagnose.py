@@ -1,14 +1,15 @@
 """Diagnosis: from a twin and episodes of its object to what it lacks, and a better twin."""
 
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import compress
 from typing import TypeVar
 
 import numpy as np
 
 from egophys_core import __version__
-from egophys_core.discrepancy.base_twin import base_fit, base_with
+from egophys_core.discrepancy.base_twin import base_fit, base_with, follows
 from egophys_core.discrepancy.diagnosis import Candidate, Diagnosis, Evidence, NamedEffect
 from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.explanation import explain
@@ -126,7 +127,8 @@ def diagnose_observed(
     if known:
         progress("refit the twin beside what was measured", 0.15)
         base, without_them = base_with(observations, base, known, iterations=options.refit_iterations)
-    inquiry = Inquiry(observations=observations, proofs=proofs, options=options, seed=seed)
+    followed = follows(base.fitted, proofs)
+    inquiry = Inquiry(observations=observations, proofs=list(compress(proofs, followed)), options=options, seed=seed)
     found = explain(inquiry, base, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))
     first = found.searches[0]
     progress("roll out before and after", 0.9)
@@ -150,7 +152,7 @@ def diagnose_observed(
             for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
         ),
         seconds=time.monotonic() - started,
-        reason=found.reason,
+        reason=found.reason + _lost(each.episode.name for each, kept in zip(proofs, followed, strict=True) if not kept),
         twin_id=twin.twin_id,
         improved_twin_id=improved.twin_id,
     )
@@ -203,6 +205,12 @@ def _observed(model: ObjectModel, episode: Episode) -> Observation:
             "record again with the object in view"
         )
     return observation
+
+
+def _lost(names: Iterable[str]) -> str:
+    """What to add to a reason of episodes that could not be followed."""
+    listed = ", ".join(names)
+    return f"; without any effect the twin does not follow {listed}, so nothing was tried there" if listed else ""
 
 
 def _candidates(first: Search, measured: Sequence[Measured]) -> tuple[Candidate, ...]:

@@ -26,3 +26,11 @@ def episodes(*effects: TwinEffect, noise_m: float = NOISE_M) -> list[Episode]:
     return [
         make_episode(model, name=name, duration=3.2, carry=carry, noise_m=noise_m) for name, carry in carries.items()
     ]
+
+
+def fallen() -> Episode:
+    """A third motion of the sheet, in which it suddenly goes elsewhere: its twin does not."""
+    away = make_episode(sheet(), name="fallen", duration=3.2, carry=(-0.1, -0.1, 0.2), noise_m=NOISE_M)
+    points = away.points.copy()
+    points[len(points) // 3 :, :, 0] += 0.15
+    return replace(away, points=points)

@@ -2,10 +2,11 @@
 
 import pytest
 
-from egophys_core.discrepancy.base_twin import base_fit
+from egophys_core.discrepancy.base_twin import base_fit, follows
 from egophys_core.discrepancy.refit import robust_loss
 from egophys_core.discrepancy.residuals import observe, residuals
-from tests.discrepancy.rehearsed import episodes, sheet
+from tests.discrepancy.rehearsed import NOISE_M, episodes, fallen, sheet
+from tests.identification.synthetic import make_episode
 
 
 @pytest.fixture(scope="module")
@@ -29,3 +30,10 @@ def test_the_base_explains_more_than_the_twin_and_all_else_it_was_chosen_from(ob
 def test_of_the_starts_half_go_on_until_two_or_three_are_left(observations, starts, runners_up):
     base = base_fit(observations, sheet(), starts=starts, iterations=0)
     assert len(base.others) == 2 + runners_up
+
+
+def test_an_episode_in_which_the_object_went_elsewhere_is_not_followed(observations):
+    fitted = base_fit(observations, sheet(), starts=1, iterations=0).fitted
+    away = make_episode(sheet(), name="away", duration=3.2, carry=(-0.1, -0.1, 0.2), noise_m=NOISE_M)
+    assert follows(fitted, [observe(sheet(), each) for each in (away, fallen())]) == [True, False]
+    assert follows(fitted, []) == []

@@ -8,12 +8,13 @@ import pytest
 
 from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.diagnosis import Outcome
+from egophys_core.discrepancy.grip_fit import TOLD
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.saving import save_finding
 from egophys_core.errors import DiscrepancyError, EpisodeError, TwinError
 from egophys_core.twin import load_twin
 from egophys_core.twin.parameters import GRAVITY
-from tests.discrepancy.rehearsed import WIND, episodes, sheet
+from tests.discrepancy.rehearsed import WIND, episodes, fallen, sheet
 from tests.discrepancy.test_measurement import fine_sheet, measured_episodes
 from tests.identification.synthetic import episode_of, make_episode
 from tests.twin.examples import make_twin
@@ -73,6 +74,13 @@ def test_the_file_has_the_keys_that_users_read(wind):
 def test_nothing_planted_nothing_named():
     diagnosis = diagnose(make_twin(sheet()), episodes(), QUICK).diagnosis
     assert (diagnosis.outcome, diagnosis.effects) == (Outcome.NONE, ())
+
+
+def test_an_episode_that_the_twin_does_not_follow_bears_nothing_out():
+    diagnosis = diagnose(make_twin(sheet()), [*episodes(), fallen()], QUICK).diagnosis
+    assert "does not follow fallen" in diagnosis.reason
+    measured = (*TOLD, "tracking_rotation")
+    assert {each.proof_gain for each in diagnosis.candidates if each.name not in measured} == {None}
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
 from egophys_core.discrepancy.diagnose import diagnose, fitted_and_proofs
 from egophys_core.discrepancy.options import DiagnosisOptions
@@ -26,7 +27,7 @@ FIT = FitOptions(generations=25, dense_steps=0)
 
 
 def measure(folder: Path) -> dict[str, Any]:
-    """The diagnosis of one case, as in `diagnosis.json`."""
+    """The diagnosis of one case, as in `diagnosis.json`, and the commit it was made with."""
     episodes = [read_episode(folder / f"episode_{index}.mcap") for index in range(4)]
     told = TOLD[folder.parent.name]
     fitted, _ = fitted_and_proofs(episodes[:told])
@@ -34,7 +35,7 @@ def measure(folder: Path) -> dict[str, Any]:
     twin = build_twin(fitted, FIT, seed=0)
     building = time.monotonic() - started
     found = diagnose(twin, episodes[:told], DiagnosisOptions(), report_on=episodes[told:]).diagnosis
-    return {**found.as_dict(), "build_seconds": building}
+    return {**found.as_dict(), "build_seconds": building, "commit": commit()}
 
 
 def run() -> dict[str, Any]:

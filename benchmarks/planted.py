@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.movement import movement
+from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
 from egophys_core.discrepancy.diagnose import diagnose, fitted_and_proofs
 from egophys_core.discrepancy.options import DiagnosisOptions
@@ -150,6 +151,7 @@ def measure(case: Case) -> dict[str, Any]:
         "track_before_m": [error.track_before_m for error in diagnosis.error],
         "track_after_m": [error.track_after_m for error in diagnosis.error],
         "seconds": time.monotonic() - started,
+        "commit": commit(),
     }
 
 

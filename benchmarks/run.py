@@ -1,15 +1,13 @@
 """Run the benchmarks, write `results/NAME.json` and renew the tables of the README from these files."""
 
 import json
-import platform
-import re
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from benchmarks import beam, blind, cost, perception, physics, planted, towel
+from benchmarks.provenance import commit, machine
 from egophys_core.files import write_atomically, write_json
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -28,7 +26,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
 def main() -> None:
     """Run those named on the command line, or all."""
     for name in sys.argv[1:] or BENCHMARKS:
-        result = {**BENCHMARKS[name](), "machine": _machine(), "commit": _commit(), "command": "make bench"}
+        result = {**BENCHMARKS[name](), "machine": machine(), "commit": commit(), "command": "make bench"}
         write_json(RESULTS / f"{name}.json", result)
         print(json.dumps(result, indent=1))
         if name == "diagnoses":
@@ -254,16 +252,6 @@ def _perception_table(result: dict[str, Any]) -> str:
             *(row(scores) for scores in result["rows"]),
         ]
     )
-
-
-def _machine() -> str:
-    models = re.findall(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
-    return f"{models[0] if models else platform.machine()}, {len(models)} cores"
-
-
-def _commit() -> str:
-    command = ["git", "describe", "--always", "--dirty"]
-    return subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True, check=True).stdout.strip()
 
 
 if __name__ == "__main__":

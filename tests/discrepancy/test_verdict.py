@@ -10,6 +10,7 @@ from egophys_core.discrepancy.diagnosis import Estimate, Outcome
 from egophys_core.discrepancy.judging import Judged
 from egophys_core.discrepancy.verdict import (
     ANOTHER_MOTION,
+    BY_TURNS_GAIN,
     CROWDED_GAIN,
     FLOOR_M,
     LEAST_GAIN,
@@ -85,6 +86,15 @@ def test_without_such_episodes_more_is_asked_for_or_another_motion():
     )
     assert (little.outcome, enough.outcome) == (Outcome.UNEXPLAINED, Outcome.NAMED)
     assert (little.experiment, enough.experiment) == (ANOTHER_MOTION, None)
+
+
+def test_three_motions_that_each_gain_when_left_out_come_near_to_such_episodes():
+    gain = 0.5 * (BY_TURNS_GAIN + UNPROVEN_GAIN)
+    every, most, two = (
+        decide([judged("quadratic_drag", gain, proof_gains=np.zeros(0), episode_gains=np.array(gains))], P, 0.0, 3)
+        for gains in ([40.0, 20.0, 20.0], [60.0, 30.0, -10.0], [40.0, 40.0])
+    )
+    assert [each.outcome for each in (every, most, two)] == [Outcome.NAMED, *2 * [Outcome.UNEXPLAINED]]
 
 
 def test_a_large_gain_in_them_is_enough_whatever_an_effect_gains_elsewhere():

@@ -48,7 +48,6 @@ ended at 615; the third one began at 1283 and ended at 337. Of six starts of two
 DAMPING_RATE = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 3.0}
 """1/s."""
 
-
 LOST = 5.0
 """Times its residuals in what was fitted from which a twin has lost another episode: a toy that was pushed over lay
 elsewhere than its twin (13.7 mm; 1.3, 1.1 and 0.7 in what was fitted), and could bear out nothing any more."""

@@ -28,13 +28,13 @@ from egophys_core.identification import episode_digest
 from egophys_core.options import to_mapping
 from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
 
+Item = TypeVar("Item")
+
 BASE_REFITS = 2
 """Times as many steps for the twin without any effect: what it still gains later on would be taken for an effect's."""
 
 PROOF = 3
 """Of so many episodes one is not fitted: whether an effect shows there, too, says more than any fit."""
-
-Told = TypeVar("Told")
 
 LEAST_MOTION_S = 1.0
 """Seconds of handling below which an episode says nothing."""
@@ -165,7 +165,7 @@ def diagnose_observed(
     )
 
 
-def fitted_and_proofs(episodes: Sequence[Told]) -> tuple[Sequence[Told], Sequence[Told]]:
+def fitted_and_proofs(episodes: Sequence[Item]) -> tuple[Sequence[Item], Sequence[Item]]:
     """The episodes that a diagnosis fits, and the last ones, in which what it names has to show."""
     fitted = len(episodes) - len(episodes) // PROOF
     return episodes[:fitted], episodes[fitted:]

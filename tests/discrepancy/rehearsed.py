@@ -28,9 +28,13 @@ def episodes(*effects: TwinEffect, noise_m: float = NOISE_M) -> list[Episode]:
     ]
 
 
+def away() -> Episode:
+    """A third motion of the sheet."""
+    return make_episode(sheet(), name="away", duration=3.2, carry=(-0.1, -0.1, 0.2), noise_m=NOISE_M)
+
+
 def fallen() -> Episode:
-    """A third motion of the sheet, in which it suddenly goes elsewhere: its twin does not."""
-    away = make_episode(sheet(), name="fallen", duration=3.2, carry=(-0.1, -0.1, 0.2), noise_m=NOISE_M)
-    points = away.points.copy()
+    """The third motion, in which the sheet suddenly goes elsewhere: its twin does not."""
+    points = away().points.copy()
     points[len(points) // 3 :, :, 0] += 0.15
-    return replace(away, points=points)
+    return replace(away(), name="fallen", points=points)

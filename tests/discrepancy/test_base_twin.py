@@ -5,8 +5,7 @@ import pytest
 from egophys_core.discrepancy.base_twin import base_fit, follows
 from egophys_core.discrepancy.refit import robust_loss
 from egophys_core.discrepancy.residuals import observe, residuals
-from tests.discrepancy.rehearsed import NOISE_M, episodes, fallen, sheet
-from tests.identification.synthetic import make_episode
+from tests.discrepancy.rehearsed import away, episodes, fallen, sheet
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +33,5 @@ def test_of_the_starts_half_go_on_until_two_or_three_are_left(observations, star
 
 def test_an_episode_in_which_the_object_went_elsewhere_is_not_followed(observations):
     fitted = base_fit(observations, sheet(), starts=1, iterations=0).fitted
-    away = make_episode(sheet(), name="away", duration=3.2, carry=(-0.1, -0.1, 0.2), noise_m=NOISE_M)
-    assert follows(fitted, [observe(sheet(), each) for each in (away, fallen())]) == [True, False]
+    assert follows(fitted, [observe(sheet(), each) for each in (away(), fallen())]) == [True, False]
     assert follows(fitted, []) == []

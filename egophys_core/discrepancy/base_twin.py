@@ -72,10 +72,10 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts:
     own = [model, without_sag(model) if model.kind == ObjectKind.SOLID else _wrinkling(model)]
     models = [*own, *variants(model)]
     found = residuals(observations, models)
-    scale = residual_scale([each[0] for each in found])
+    scale = residual_scale(observations, [each[0] for each in found])
     losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
     order = np.argsort(losses)
-    scale = residual_scale([each[order[0]] for each in found])
+    scale = residual_scale(observations, [each[order[0]] for each in found])
     clamped = observations[0].free
     fits = [
         refit(observations, models[row], base_knobs(models[row], clamped=clamped), iterations=FIRST_STEPS, scale=scale)
@@ -86,7 +86,7 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts:
         fits = [refit_further(observations, each, iterations=LATER_STEPS) for each in fits[: len(fits) // 2]]
         fits.sort(key=lambda each: each.loss)
     best, *runners_up = fits
-    best = replace(best, scale=min(scale, residual_scale(best.residuals)))
+    best = replace(best, scale=min(scale, residual_scale(observations, best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
     return Base(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
 
@@ -95,7 +95,7 @@ def follows(fitted: Fitted, observations: Sequence[Observation]) -> list[bool]:
     """Per episode that was not fitted, whether a twin follows it well enough to tell what it lacks there."""
     if not observations:
         return []
-    most = LOST * residual_scale(fitted.residuals)
+    most = LOST * residual_scale(observations, fitted.residuals)
     return [bool(np.nanmedian(np.abs(found)) <= most) for found in residuals(observations, [fitted.model])]
 
 
@@ -129,7 +129,7 @@ def base_with(
     bare = [replace(best.model, effects=())]
     relieved = refit_from(observations, bare, without.knobs, scale=without.scale, iterations=iterations)
     # What they explain is gone from the residuals: what remains is judged on its own scale.
-    best = replace(best, scale=min(best.scale, residual_scale(best.residuals)))
+    best = replace(best, scale=min(best.scale, residual_scale(observations, best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
     return Base(fitted=fitted, others=starts[1:]), min(without, relieved, key=lambda each: each.loss)
 

@@ -19,7 +19,7 @@ from egophys_core.discrepancy.linear import (
     resampled_steps,
     trusted_columns,
 )
-from egophys_core.discrepancy.refit import Fitted, cell_losses, residual_scale
+from egophys_core.discrepancy.refit import Fitted, cell_losses, median_size
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
 
@@ -94,7 +94,7 @@ def judge(name: str, fitted: Fitted, before: Fitted, without: LinearProblem, *, 
         name=name,
         fitted=fitted,
         problem=problem,
-        left_m=residual_scale(fitted.residuals),
+        left_m=median_size(fitted.residuals),
         fitted_gain=before.loss - fitted.loss,
         held_out_gain=float(by_fold.sum()),
         block_gains=by_fold,

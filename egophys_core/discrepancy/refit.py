@@ -28,9 +28,6 @@ ACROSS = 0.5
 PRIOR_STEPS = 10.0
 """Standard deviation of a knob's prior about its start, in steps: keeps what the data say nothing of where it was."""
 
-LEAST_SCALE = 1e-3
-"""Metres: no twin is better than this, and smaller residuals are no evidence."""
-
 LEAST_GAIN = 0.5
 """Improvement of the loss below which a refit ends."""
 
@@ -67,10 +64,14 @@ def robust_loss(found: Sequence[np.ndarray], scale: float) -> float:
     return float(sum(cell_losses(each, scale).sum() for each in found))
 
 
-def residual_scale(found: Sequence[np.ndarray]) -> float:
-    """s, metres: the median size of a residual's component, at least `LEAST_SCALE`."""
-    values = np.concatenate([np.abs(each[np.isfinite(each)]) for each in found])
-    return float(max(np.median(values), LEAST_SCALE))
+def median_size(found: Sequence[np.ndarray]) -> float:
+    """Metres, of a residual's component."""
+    return float(np.median(np.concatenate([np.abs(each[np.isfinite(each)]) for each in found])))
+
+
+def residual_scale(observations: Sequence[Observation], found: Sequence[np.ndarray]) -> float:
+    """s, metres: the median size of a residual's component, at least what is evidence there."""
+    return max(median_size(found), observations[0].least_scale)
 
 
 def refit(
@@ -88,7 +89,8 @@ def refit(
     """
     knobs = tuple(knobs)
     found, jacobian = linearised(observations, model, knobs)
-    start = Fitted(model=model, residuals=found, jacobian=jacobian, knobs=knobs, scale=scale or residual_scale(found))
+    scale = scale or residual_scale(observations, found)
+    start = Fitted(model=model, residuals=found, jacobian=jacobian, knobs=knobs, scale=scale)
     return refit_further(observations, start, iterations=iterations)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from egophys_core.discrepancy.effects.effect import Action
 from egophys_core.discrepancy.innovations import innovations
+from egophys_core.discrepancy.mounting import beside_mounting
 from egophys_core.discrepancy.observed import ObservedTracks, observed_tracks
 from egophys_core.discrepancy.observer import RATE, Pull
 from egophys_core.episode import Episode
@@ -32,6 +33,10 @@ LEAD_S = 0.3
 
 BATCH = 32
 """Models that are simulated together: a bound on memory."""
+
+LEAST_SCALE, LEAST_SCALE_OF_MARKERS = 1e-3, 2e-4
+"""Metres: no twin is better than this, and smaller residuals are no evidence. What swings in a clamp is not chaotic,
+and its markers have hardly any noise."""
 
 FEWEST_IN_BLOCK = 4
 """Seen track positions below which a block of a patch has no mean."""
@@ -63,6 +68,11 @@ class Observation:
     def free(self) -> bool:
         """Whether nothing draws the twin to the tracks: few markers on an object in a clamp."""
         return self.rate == 0
+
+    @property
+    def least_scale(self) -> float:
+        """Metres, the least size of residuals that are evidence."""
+        return LEAST_SCALE_OF_MARKERS if self.free else LEAST_SCALE
 
     @property
     def rest(self) -> np.ndarray:
@@ -155,14 +165,15 @@ def residuals(
     *,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[np.ndarray]:
-    """Per episode [K, B, Q, 3] metres: the innovations of each model's observer; infinite where it diverged.
+    """Per episode [K, B, Q, 3] metres: what is new in each model's observer, or off in its free rollout; infinite where
+    it diverged.
 
     Args:
         progress: called with the share done.
     """
 
     def of_some(some: Sequence[ObjectModel]) -> list[np.ndarray]:
-        return _of_each(observations, lambda each: _new_in_blocks(each, *track_offsets(each, some)))
+        return _of_each(observations, lambda each: _left_in_blocks(each, *track_offsets(each, some)))
 
     parts = []
     for first in range(0, len(models), BATCH):
@@ -176,7 +187,7 @@ def residuals_with(
 ) -> list[np.ndarray]:
     """As `residuals`, of one model with each of the actions in turn."""
     models, single = [model] * len(actions), [(action,) for action in actions]
-    return _of_each(observations, lambda each: _new_in_blocks(each, *track_offsets(each, models, actions=single)))
+    return _of_each(observations, lambda each: _left_in_blocks(each, *track_offsets(each, models, actions=single)))
 
 
 def _of_each(observations: Sequence[Observation], compute: Callable[[Observation], np.ndarray]) -> list[np.ndarray]:
@@ -185,8 +196,9 @@ def _of_each(observations: Sequence[Observation], compute: Callable[[Observation
         return list(pool.map(compute, observations))
 
 
-def _new_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
+def _left_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
     means = block_means(observation, offsets)
     found = np.full_like(means, np.inf)
-    found[~diverged] = innovations(means[~diverged])
+    left = beside_mounting if observation.free else innovations
+    found[~diverged] = left(means[~diverged])
     return found

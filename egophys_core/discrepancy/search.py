@@ -11,7 +11,7 @@ from egophys_core.discrepancy.judging import Judged, judge, proven
 from egophys_core.discrepancy.leaps import Leap, leap_gains, leap_off
 from egophys_core.discrepancy.linear import linear_problem
 from egophys_core.discrepancy.ranking import Probe, Ranked, Ranking, probe_effects, rank
-from egophys_core.discrepancy.refit import Fitted, refit_further, residual_scale
+from egophys_core.discrepancy.refit import Fitted, median_size, refit_further
 from egophys_core.discrepancy.verdict import LARGEST_P, LEAST_GAIN, Verdict, decide
 from egophys_core.twin import ObjectKind, ObjectModel
 
@@ -23,6 +23,10 @@ FINER = 0.7
 
 ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",)}
 """Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
+
+ALWAYS_IN_A_CLAMP = ("viscoelasticity",)
+"""As well: a twin that swings in a clamp makes up with stiffness and damping for what relaxes, and slopes there see
+nothing of it (a silicone beam: it was not among the first five, and gains 99 when refitted)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +79,8 @@ def search(
     """
     survey = _survey(inquiry, before, without, lambda share: progress("probe the effects", 0.3 * share))
     found = _judged(inquiry, survey, before, others, lambda stage, share: progress(stage, 0.3 + 0.4 * share))
-    finest = min((each.left_m for each in found.judged), default=before.scale)
+    left = min((each.left_m for each in found.judged), default=before.scale)
+    finest = max(left, inquiry.observations[0].least_scale)
     if finest < FINER * before.scale:
         finer = replace(found.before, scale=finest)
         before = refit_further(inquiry.observations, finer, iterations=inquiry.options.refit_iterations)
@@ -119,7 +124,8 @@ def _judged(
     """
     options = inquiry.options
     ranking, worth = survey.ranking(before.scale, shams=options.shams, seed=inquiry.seed)
-    chosen = {*(each.name for each in worth[: options.shortlist]), *ALWAYS[before.model.kind], *earlier}
+    always = ALWAYS_IN_A_CLAMP if inquiry.observations[0].free else ALWAYS[before.model.kind]
+    chosen = {*(each.name for each in worth[: options.shortlist]), *always, *earlier}
     ended = contest(
         inquiry,
         before,
@@ -142,7 +148,7 @@ def _judged(
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}
     second = bool(before.model.effects)
     # Free rollouts of a few markers drift, and have no such floor.
-    residual_m = 0.0 if inquiry.observations[0].free else residual_scale(before.residuals)
+    residual_m = 0.0 if inquiry.observations[0].free else median_size(before.residuals)
     law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0
     verdict = decide(judged, p_null, law_gain, len(inquiry.observations), second=second, residual_m=residual_m)
     return Search(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from egophys_core.discrepancy.markers import effects_untold, observe_markers
-from egophys_core.discrepancy.residuals import block_means, track_offsets
+from egophys_core.discrepancy.refit import median_size
+from egophys_core.discrepancy.residuals import block_means, residuals, track_offsets
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.identification import evaluate_twin, observed_contacts, place_twin
@@ -97,6 +99,23 @@ def test_free_rollout_from_the_turn_follows_the_swing(cantilever: tuple[MarkerBo
     swing = np.ptp(episode.points[:, :, 2].mean(axis=1))
     # Bent by its markers it is not quite as gravity bent it, and higher modes are not at rest.
     assert np.nanmax(np.abs(found)) < 0.05 * swing
+
+
+def test_a_record_mounted_anew_says_as_much_of_the_swing(
+    cantilever: tuple[MarkerBody, ObjectModel, Episode],
+) -> None:
+    """What a turn of the clamp by 0.7 degrees moves is set aside for the most part; a wrong stiffness is not."""
+    body, model, episode = cantilever
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.012]).as_matrix()
+    clamp = body.grasp[len(HELD) + len(TRACKS) :].mean(axis=0)
+    turned_record = replace(episode, points=((episode.points - clamp) @ turn.T + clamp).astype(np.float32))
+    observation = observe_markers(twin_of(body, model), turned_record)
+    offset = np.nanmean(track_offsets(observation, [model])[0], axis=(0, 1, 2))
+    stiffer = replace(model, stiffness=model.stiffness * np.float32(1.3))
+    true, wrong = ([each] for each in residuals([observation], [model, stiffer])[0])
+    assert np.linalg.norm(offset) > 1e-3
+    assert median_size(true) < 0.25 * np.linalg.norm(offset)
+    assert median_size(wrong) > 2.0 * median_size(true)
 
 
 def test_a_twin_is_evaluated_at_its_markers(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:

@@ -84,15 +84,24 @@ def _diagnoses_table(result: dict[str, Any]) -> str:
 
 def _beam_table(result: dict[str, Any]) -> str:
     lines = [
-        "| record | load (N) | | twin as built | after the diagnosis |",
-        "|" + " --- |" * 5,
+        "| record | load (N) | | springs and gravity alone | as built | refitted, no effect | with what is named |",
+        "|" + " --- |" * 7,
     ]
     for name, errors in result["rmse_m"].items():
         fitted = "fitted" if name in result["fitted"] else "held out"
-        millimetres = " | ".join(f"{1000 * errors[key]:.2f}" for key in ("built", "after"))
+        swing = result["swing_rmse_m"][name]
+        millimetres = " | ".join(f"{1e3 * errors[key]:.2f} ({1e3 * swing[key]:.2f})" for key in errors)
         lines.append(f"| {name} | {result['loads_n'][name]:g} | {fitted} | {millimetres} |")
-    effects = ", ".join(effect["name"] for effect in result["effects"]) or "no effect"
-    return "\n".join([*lines, "", f"The diagnosis: {result['outcome']} ({effects}); {result['reason']}."])
+    effects = ", ".join(
+        f"{effect['name']}: "
+        + ", ".join(
+            f"{name} {number['value']:.3g} ({number['ci95'][0]:.3g} to {number['ci95'][1]:.3g}) {number['unit']}"
+            for name, number in effect["parameters"].items()
+        )
+        for effect in result["effects"]
+    )
+    said = f"The diagnosis: {result['outcome']} ({effects or 'no effect'}); {result['reason']}."
+    return "\n".join([*lines, "", said])
 
 
 def _planted_table(result: dict[str, Any]) -> str:

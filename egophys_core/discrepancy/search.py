@@ -26,7 +26,7 @@ ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",)}
 
 ALWAYS_IN_A_CLAMP = ("viscoelasticity",)
 """As well: a twin that swings in a clamp makes up with stiffness and damping for what relaxes, and slopes there see
-nothing of it (a silicone beam: it was not among the first five, and gains 99 when refitted)."""
+nothing of it (a silicone beam: it was not among the first five, and came second when it was refitted)."""
 
 
 @dataclass(frozen=True, kw_only=True)

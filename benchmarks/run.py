@@ -100,7 +100,7 @@ def _beam_table(result: dict[str, Any]) -> str:
         )
         for effect in result["effects"]
     )
-    said = f"The diagnosis: {result['outcome']} ({effects or 'no effect'}); {result['reason']}."
+    said = f"The diagnosis: {result['outcome']} ({effects or 'no name'}); {result['reason']}."
     return "\n".join([*lines, "", said])
 
 

@@ -1,6 +1,7 @@
 """Objects seen at a few markers: a lattice from a template, carried by held points, with a node at every marker.
 
 Held points stand for a clamp: the layer of the lattice nearest to them is its face, and moves with them as one piece.
+A node in the middle of the other end's face carries a load; neither it nor markers weigh anything.
 """
 
 from collections.abc import Sequence
@@ -24,6 +25,9 @@ MOST_MARKERS = 12
 
 ANCHORS = 6
 """Nodes of the lattice that a marker hangs on."""
+
+MOST_RELIEF = 0.5
+"""Of its mass that a cell can be lighter by for what hangs on it; a light node would ask for short steps."""
 
 HAND_GAP = 0.15
 """Metres: held points that are nearer to each other belong to one clamp."""
@@ -52,7 +56,7 @@ class MarkerBody:
     """A template placed in an episode."""
 
     graph: SpringGraph
-    """The lattice, then a node for each marker."""
+    """The lattice, then a node in the middle of its end face at +x, then one for each marker."""
     grasp: np.ndarray
     """[C + P + G, 3] metres: the episode's held points, then its markers in frame 0, then the clamped nodes."""
     spacing: float
@@ -105,7 +109,9 @@ def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
     )
     clamped = np.isin(cells.layers, list(held_layers))
     nodes = cells.nodes @ frame + centre
-    graph = _graph(nodes, cells, tracks)
+    last = cells.nodes[cells.layers == cells.layers.max()].mean(axis=0)
+    end = np.array([template.length / 2, *last[1:]]) @ frame + centre
+    graph = _graph(nodes, cells, np.concatenate([[end], tracks]))
     return MarkerBody(
         graph=graph,
         grasp=np.concatenate([held, tracks, nodes[clamped]]).astype(np.float32),
@@ -169,7 +175,7 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
             times=shown.times,
             positions=driven.astype(np.float32),
             contact=contact,
-            payload=_payload(placed, markers, clamped, load / GRAVITY) if load else None,
+            payload=_payload(model, markers, load),
         ),
     )
 
@@ -293,13 +299,12 @@ def _layer_places(cells: Lattice) -> np.ndarray:
     return places
 
 
-def _graph(nodes: np.ndarray, cells: Lattice, tracks: np.ndarray) -> SpringGraph:
-    """The cells and a node at each marker, which hangs on the cells around it."""
-    count = min(ANCHORS, len(nodes))
-    anchors = cKDTree(nodes).query(tracks, k=count)[1].reshape(len(tracks), count)
-    hung = np.stack([anchors.ravel(), np.repeat(len(nodes) + np.arange(len(tracks)), count)], axis=1)
+def _graph(nodes: np.ndarray, cells: Lattice, places: np.ndarray) -> SpringGraph:
+    """The cells and a node at each of some places [Q, 3], which hangs on the cells around it."""
+    anchors = _anchors(nodes, places)
+    hung = np.stack([anchors.ravel(), np.repeat(len(nodes) + np.arange(len(places)), anchors.shape[1])], axis=1)
     springs = np.concatenate([cells.springs, hung])
-    positions = np.concatenate([nodes, tracks])
+    positions = np.concatenate([nodes, places])
     lengths = np.linalg.norm(positions[springs[:, 0]] - positions[springs[:, 1]], axis=1)
     return SpringGraph(
         positions=positions.astype(np.float32),
@@ -308,6 +313,12 @@ def _graph(nodes: np.ndarray, cells: Lattice, tracks: np.ndarray) -> SpringGraph
         rest_lengths=np.maximum(lengths, 1e-6).astype(np.float32),
         surface=np.ones(len(positions), bool),
     )
+
+
+def _anchors(cells: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """[Q, A] the cells [N, 3] on which something at places [Q, 3] hangs."""
+    count = min(ANCHORS, len(cells))
+    return np.asarray(cKDTree(cells).query(places, k=count)[1]).reshape(len(places), count)
 
 
 def _bent(model: ObjectModel, placed: np.ndarray, clamped: np.ndarray, tracks: np.ndarray) -> np.ndarray:
@@ -350,13 +361,14 @@ def _carried(episode: Episode, clamped: np.ndarray) -> np.ndarray:
     return carried
 
 
-def _payload(nodes: np.ndarray, markers: int, clamped: np.ndarray, mass: float) -> np.ndarray:
-    """[N] kg: a mass in equal parts at the end face of the lattice [N, 3] that is farthest from the clamp [G, 3]."""
-    cells = nodes[:-markers]
-    middle = clamped.mean(axis=0)
-    along = cells.mean(axis=0) - middle
-    reach = (cells - middle) @ along / np.linalg.norm(along)
-    end = np.flatnonzero(reach > reach.max() - 0.2 * np.ptp(reach) / np.cbrt(len(cells)))
-    payload = np.zeros(len(nodes))
-    payload[end] = mass / len(end)
+def _payload(model: ObjectModel, markers: int, load: float) -> np.ndarray:
+    """[N] kg that nodes carry beside equal masses: a load in N at the end; what hangs on the cells weighs nothing.
+
+    Instead of it the cells around it are lighter: what markers would add to the end of a beam slows it by percents.
+    """
+    positions, hung = model.graph.positions, markers + 1
+    anchors = _anchors(positions[:-hung], positions[-hung:])
+    shares = np.bincount(anchors.ravel(), minlength=len(positions)) / anchors.shape[1]
+    payload = -model.node_masses.astype(np.float64) * np.minimum(shares, MOST_RELIEF)
+    payload[-hung] += load / GRAVITY
     return payload

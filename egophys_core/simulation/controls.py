@@ -29,7 +29,7 @@ class Controls:
     contact: np.ndarray
     """[F, C] uint8 `ContactKind`: a run of equal values is one contact, from its first frame to its last."""
     payload: np.ndarray | None = None
-    """[N] kg, what each node carries beside the object's own mass; None for nothing."""
+    """[N] kg, what each node carries beside the object's own mass, negative where it is lighter; None for nothing."""
 
     def __post_init__(self) -> None:
         frames = len(self.times)
@@ -44,8 +44,10 @@ class Controls:
         if not np.isfinite(self.positions).all():
             frame, controller = np.argwhere(~np.isfinite(self.positions))[0][:2]
             raise SimulationError(f"controls: controller {controller} is not finite at frame {frame}")
-        if self.payload is not None and not (np.isfinite(self.payload) & (self.payload >= 0)).all():
-            raise SimulationError(f"controls payload must be finite and not negative, got {self.payload.min()} kg")
+        if self.payload is not None and not np.isfinite(self.payload).all():
+            raise SimulationError(
+                f"controls payload must be finite, got {self.payload[~np.isfinite(self.payload)][0]} kg"
+            )
 
     def part(self, frames: slice) -> "Controls":
         """The same over some of the frames."""

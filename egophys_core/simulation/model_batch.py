@@ -65,12 +65,7 @@ def batch_of_models(
         damping=damping,
         rest_lengths=rest_lengths,
         longest_extensions=longest_extensions,
-        masses=np.stack(
-            [
-                body.masses if each.payload is None else body.masses + each.payload
-                for body, each in zip(bodies, controls, strict=True)
-            ]
-        ).astype(np.float32),
+        masses=np.stack([_loaded(body, each) for body, each in zip(bodies, controls, strict=True)]),
         positions=np.stack(positions).astype(np.float32),
         velocities=np.zeros((len(models), nodes, 3), np.float32),
         rest_positions=first.graph.positions,
@@ -83,6 +78,19 @@ def batch_of_models(
         frames=frames,
     )
     return with_actions(batch, tuple(_actions(model) for model in models))
+
+
+def _loaded(body: Body, controls: Controls) -> np.ndarray:
+    """[N] float32 kg: the nodes with what they carry.
+
+    Raises:
+        SimulationError: nothing would be left of a node.
+    """
+    masses = body.masses if controls.payload is None else body.masses + controls.payload
+    if not (masses > 0.0).all():
+        node = int(np.argmin(masses))
+        raise SimulationError(f"controls payload leaves {masses[node]:.3g} kg of node {node}; it must be more than 0")
+    return np.asarray(masses, np.float32)
 
 
 def _body(model: ObjectModel, start: np.ndarray) -> Body:

@@ -4,13 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.sparse import diags
+from scipy.sparse.linalg import eigsh
 from scipy.spatial.transform import Rotation
 
 from egophys_core.discrepancy.markers import effects_untold, observe_markers
 from egophys_core.discrepancy.refit import median_size
 from egophys_core.discrepancy.residuals import block_means, residuals, track_offsets
 from egophys_core.episode import Episode
-from egophys_core.errors import EpisodeError, OptionsError
+from egophys_core.errors import EpisodeError, OptionsError, SimulationError
 from egophys_core.identification import evaluate_twin, observed_contacts, place_twin
 from egophys_core.identification.marker_fit import (
     MarkerFit,
@@ -20,63 +23,29 @@ from egophys_core.identification.marker_fit import (
     marker_model,
 )
 from egophys_core.identification.markers import MarkerBody, find_onset, marker_body, place_markers, turned
+from egophys_core.identification.statics import stiffness_matrix
 from egophys_core.identification.template import parse_template
-from egophys_core.simulation import ContactKind, Controls, batch_of_models, rollout
-from egophys_core.twin import ObjectModel, Provenance, Twin
-
-HELD = np.array([[-0.005, -0.01, 0.5], [-0.005, 0.01, 0.5], [0.015, 0.0, 0.5]]) - [0.0017, 0.0, 0.0]
-TRACKS = np.array([[0.095, -0.008, 0.504], [0.095, 0.008, 0.504], [0.092, 0.0, 0.492]])
-TEMPLATE = "box:0.1x0.015x0.015"
-DENSITY, RATE, DRAG = 1000.0, 8e6, 3.0
-FRAMES = 120
-
-
-def still_episode(held: np.ndarray = HELD, tracks: np.ndarray = TRACKS) -> Episode:
-    """The markers where they are before anything moves."""
-    return Episode(
-        name="cantilever",
-        times=0.01 * np.arange(FRAMES),
-        points=np.repeat(tracks[None], FRAMES, axis=0).astype(np.float32),
-        confidence=np.ones((FRAMES, len(tracks)), np.float32),
-        point_ids=np.arange(len(tracks), dtype=np.uint32),
-        controllers=np.repeat(held[None], FRAMES, axis=0).astype(np.float32),
-        controller_ids=np.arange(len(held), dtype=np.uint32),
-    )
-
-
-def body_and_model() -> tuple[MarkerBody, ObjectModel]:
-    """The cantilever, straight, and its true numbers."""
-    body = marker_body(still_episode(), parse_template(TEMPLATE))
-    stiffness = RATE * DENSITY * body.spacing**3
-    return body, marker_model(body, density=DENSITY, stiffness=stiffness, damping=1e-9, drag=DRAG)
-
-
-def swinging(body: MarkerBody, model: ObjectModel) -> Episode:
-    """The cantilever released under gravity."""
-    known = len(HELD) + len(TRACKS)
-    episode = still_episode()
-    ghosts = np.repeat(body.grasp[None, known:], FRAMES, axis=0)
-    controls = Controls(
-        times=episode.times, positions=ghosts, contact=np.full(ghosts.shape[:2], ContactKind.HOLD, np.uint8)
-    )
-    result = rollout(batch_of_models([model], [controls], ground_height=-10.0))
-    result.raise_on_failure()
-    return replace(episode, points=result.positions[0][:, -len(TRACKS) :])
+from egophys_core.simulation import ContactKind, batch_of_models
+from egophys_core.twin import GRAVITY, ObjectModel
+from tests.discrepancy.cantilever import (
+    DENSITY,
+    DRAG,
+    FRAMES,
+    HELD,
+    RATE,
+    TEMPLATE,
+    TRACKS,
+    body_and_model,
+    still_episode,
+    swinging,
+    twin_of,
+)
 
 
 @pytest.fixture(scope="module")
 def cantilever() -> tuple[MarkerBody, ObjectModel, Episode]:
     body, model = body_and_model()
     return body, model, swinging(body, model)
-
-
-def twin_of(body: MarkerBody, model: ObjectModel) -> Twin:
-    return Twin(
-        model=model,
-        grasp=body.grasp,
-        ground_height=-10.0,
-        provenance=Provenance(episodes=(), settings={}, seed=0, code_version="", scores={}),
-    )
 
 
 def test_begins_where_the_swing_turns(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
@@ -175,14 +144,59 @@ def test_a_beam_held_back_at_the_start_is_placed_by_its_clamp(held: np.ndarray, 
     assert (away > 2e-4) if turns else (away < 1e-5)
 
 
-def test_load_pulls_and_slows(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+def test_a_load_hangs_at_the_end_and_markers_weigh_nothing(
+    cantilever: tuple[MarkerBody, ObjectModel, Episode],
+) -> None:
     body, model, episode = cantilever
-    problem = place_markers(model, body.grasp, episode, load=0.1)
-    payload = problem.controls.payload
+    payload = place_markers(model, body.grasp, episode, load=0.1).controls.payload
     assert payload is not None
-    assert payload.sum() == pytest.approx(0.1 / 9.81)
-    ends = problem.start[payload > 0]
-    assert ends[:, 0].min() > 0.09
+    (end,) = np.flatnonzero(payload > 0)
+    assert payload[end] == pytest.approx(0.1 / 9.81)
+    assert body.graph.positions[end] == pytest.approx([0.1, 0.0, 0.5], abs=1e-3)
+    masses = model.node_masses + payload
+    cells = len(masses) - len(TRACKS) - 1
+    assert masses.min() > 0.0
+    assert masses.sum() == pytest.approx(cells * DENSITY * body.spacing**3 + 0.1 / 9.81)
+
+
+def test_a_node_that_would_weigh_nothing_is_refused(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    body, model, episode = cantilever
+    controls = place_markers(model, body.grasp, episode).controls
+    lifted = replace(controls, payload=np.where(np.arange(len(model.node_masses)) == 7, -1.0, 0.0))
+    with pytest.raises(SimulationError, match="payload leaves .* kg of node 7"):
+        batch_of_models([model], [lifted], ground_height=-10.0)
+
+
+def test_a_load_slows_a_swing_as_it_does_a_beam(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    """1 + cosh x cos x = r x (sin x cosh x - cos x sinh x), x^2 in proportion to the rate, r = load over beam.
+
+    Blevins, Formulas for Natural Frequency and Mode Shape (1979), table 8-8: a cantilever with a mass at its end.
+    """
+    body, model, episode = cantilever
+    graph, clamped = model.graph, body.grasp[len(HELD) + len(TRACKS) :]
+    free = np.linalg.norm(graph.positions[:, None] - clamped, axis=2).min(axis=1) > 1e-4
+    axes = np.repeat(free, 3)
+    stiffness = stiffness_matrix(graph.positions.astype(float), graph.springs, model.stiffness.astype(float))
+    beam = DENSITY * 0.015**2 * float(0.1 - clamped[:, 0].mean())
+
+    def rate(load: float) -> float:
+        payload = place_markers(model, body.grasp, episode, load=load).controls.payload
+        masses = np.repeat(model.node_masses + payload, 3)[axes]
+        return float(np.sqrt(eigsh(stiffness[axes][:, axes], k=1, M=diags(masses).tocsc(), sigma=0.0)[0][0]))
+
+    def of_beam(load: float) -> float:
+        share = load / GRAVITY / beam
+        return (
+            brentq(
+                lambda x: 1 + np.cosh(x) * np.cos(x) - share * x * (np.sin(x) * np.cosh(x) - np.cos(x) * np.sinh(x)),
+                0.1,
+                2.0,
+            )
+            ** 2
+        )
+
+    for load in (0.1, 0.3):
+        assert rate(0.0) / rate(load) == pytest.approx(of_beam(0.0) / of_beam(load), rel=0.02)
 
 
 def test_a_still_clamp_tells_nothing_of_the_hands(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:

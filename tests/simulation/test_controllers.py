@@ -167,6 +167,7 @@ def test_controls_without_any_controller_point_leave_the_object_alone():
         ({"positions": np.zeros((3, 1, 3), np.float32)}, r"got \(3, 1, 3\)"),
         ({"contact": np.zeros((2, 2), bool)}, r"contact must be \(2, 1\), got \(2, 2\)"),
         ({"positions": np.array([[[0, 0, 0]], [[0, np.nan, 0]]])}, "controller 0 is not finite at frame 1"),
+        ({"payload": np.array([0.1, np.nan])}, "payload must be finite, got nan kg"),
     ],
 )
 def test_ill_formed_controls_are_refused(change, text):

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 
 from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.grips import GripRecord, follows, held, missed
+from egophys_core.discrepancy.shifted import shifted_p
 
 TOLD = ("control_delay", "tracking_scale", "grasp_slip")
 """The effects that grips tell."""
@@ -30,9 +31,6 @@ STEPS, CHOICES = 15, 4
 
 NUDGE = 0.1
 """Steps off no effect at which a descent starts: a slip of no speed has no onset."""
-
-SHIFTS, LEAST_SHIFT_S = 200, 0.5
-"""Shams: what an effect changes, shifted in time by so many seconds or more."""
 
 Numbers = Mapping[str, Mapping[str, float]]
 """Parameters by effect and name."""
@@ -70,18 +68,12 @@ def gains(grips: Sequence[GripRecord], before: GripFit, after: GripFit) -> np.nd
 
 def p_null(grips: Sequence[GripRecord], before: GripFit, after: GripFit, *, seed: int) -> float:
     """Share of shams that gain as much: what the effect changes in the held tracks, shifted in time, in any size."""
-    random = np.random.default_rng(seed)
-    gained = np.zeros(1 + SHIFTS)
-    for grip, tracks, count in zip(grips, after.tracks, _counts(grips), strict=True):
+    errors, changes = [], []
+    for grip, tracks in zip(grips, after.tracks, strict=True):
         error = missed(grip, _way(grip, before.numbers))[:, tracks]
-        change = error - missed(grip, _way(grip, after.numbers))[:, tracks]
-        least = max(1, round(LEAST_SHIFT_S * len(error) / grip.seconds))
-        for row, shift in enumerate([0, *random.integers(least, max(least + 1, len(error) - least), SHIFTS)]):
-            sham = np.roll(change, shift, axis=0)
-            share = np.sum(sham * error) / max(float(np.sum(sham**2)), FLOOR**2)
-            had, left = np.mean(error**2), np.mean((error - share * sham) ** 2)
-            gained[row] += count / 2.0 * np.log((had + FLOOR**2) / (left + FLOOR**2))
-    return float(np.mean(gained >= gained[0]))
+        errors.append(error)
+        changes.append(error - missed(grip, _way(grip, after.numbers))[:, tracks])
+    return shifted_p(errors, changes, _counts(grips), [grip.seconds for grip in grips], floor=FLOOR, seed=seed)
 
 
 def intervals(

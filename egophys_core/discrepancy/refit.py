@@ -25,6 +25,9 @@ LONG_STEPS, LONGER = 2, 2.0
 ACROSS = 0.5
 """Steps by which each knob alone is tried where no other step helps: slopes mislead where an object buckles."""
 
+SECANT_OF_SWINGS = 0.1
+"""Of a step, over which slopes of free rollouts are taken: a swing that is a few percent faster is soon out of step."""
+
 PRIOR_STEPS = 10.0
 """Standard deviation of a knob's prior about its start, in steps: keeps what the data say nothing of where it was."""
 
@@ -155,12 +158,13 @@ def linearised(
     observations: Sequence[Observation], model: ObjectModel, knobs: Sequence[Knob]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Residuals [B, Q, 3] of each episode at a model, and their change [B, Q, 3, D] per step of each knob."""
+    secant = SECANT_OF_SWINGS if all(each.free for each in observations) else 1.0
     neighbours, steps = [], []
     for knob in knobs:
         at = knob.position(model)
         # Backwards where the knob stands at its upper end.
-        ahead = knob.to(model, at + 1.0)
-        there = ahead if abs(knob.position(ahead) - at) > 0.1 else knob.to(model, at - 1.0)
+        ahead = knob.to(model, at + secant)
+        there = ahead if abs(knob.position(ahead) - at) > 0.1 * secant else knob.to(model, at - secant)
         neighbours.append(there)
         steps.append(knob.position(there) - at)
     results = residuals(observations, [model, *neighbours])

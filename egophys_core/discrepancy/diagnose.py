@@ -111,17 +111,15 @@ def diagnose_observed(
     model = replace(twin.model, effects=())
     progress("refit the twin as it is", 0.05)
     base = base_fit(observations, model, starts=options.base_starts, iterations=BASE_REFITS * options.refit_iterations)
-    measured: list[Measured] = []
-    if not observations[0].free:
-        progress("measure what shows directly", 0.15)
-        measured = measure(
-            observations,
-            proofs,
-            is_sheet=model.kind == ObjectKind.SHEET,
-            without=without,
-            resamples=options.bootstraps,
-            seed=seed,
-        )
+    progress("measure what shows directly", 0.15)
+    measured = measure(
+        observations,
+        proofs,
+        is_sheet=model.kind == ObjectKind.SHEET,
+        without=without,
+        resamples=options.bootstraps,
+        seed=seed,
+    )
     without_them = None
     known = {each.name: each.values for each in measured if each.shows}
     if known:

@@ -65,6 +65,7 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
         # Half a frame more, so that rounding moves no frame to the next block.
         blocks=np.floor((times + 0.5 * float(np.median(np.diff(times)))) / block).astype(int),
         rate=FREE,
+        record=episode,
     )
 
 

@@ -1,7 +1,8 @@
 """Effects that are measured directly, before any physics of the object.
 
 Grips tell whether the record of the hands is early, too small or too large, and whether the object slips; a sheet that
-lies flat tells whether the tracking frame is level. The twin, which is never right, has no part in it.
+lies flat tells whether the tracking frame is level; what swings in a clamp, whether its material relaxes. The twin,
+which is never right, has no part in it.
 """
 
 from collections.abc import Collection, Sequence
@@ -15,6 +16,9 @@ from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.grip_fit import TOLD, GripFit, explained, fit_grips, gains, intervals, p_null
 from egophys_core.discrepancy.grips import GripRecord, grips_of
 from egophys_core.discrepancy.residuals import Observation
+from egophys_core.discrepancy.shifted import shifted_p
+from egophys_core.discrepancy.swing_fit import FLOOR, counts, explained_swings, fit_swings, swing_gains
+from egophys_core.discrepancy.swings import Swing, swing_of
 from egophys_core.discrepancy.table_level import tilt, tilt_gain
 from egophys_core.discrepancy.verdict import EVENTS, LARGEST_P
 
@@ -24,6 +28,12 @@ gains 2 at most; the small planted sizes gain 21 and more."""
 
 HELD_M = 0.005
 """Metres by which held tracks may still miss their hand with all that was found: what misses it by more is not held."""
+
+OSCILLATES = 0.1
+"""Of a swing, root mean square, that an oscillator may leave: what leaves more is none."""
+
+SEEN_TO_END = 0.5
+"""Of the shortest record, that relaxation may take: what goes on and on may as well be flow."""
 
 SHAMS = 200
 """Tilts as large in other directions."""
@@ -74,6 +84,8 @@ def measure(
     """
     if len(observations) < 2:
         return []
+    if observations[0].free:
+        return [] if "viscoelasticity" in without else _relaxation(observations, proofs, seed)
     tilted = _tilt(observations, proofs, seed) if is_sheet and "tracking_rotation" not in without else None
     told = _grips(observations, proofs, [name for name in TOLD if name not in without], resamples, seed)
     found = [*([tilted] if tilted else []), *told]
@@ -192,6 +204,52 @@ def _grip_effect(
             f"without it, by {missed[1]:.1f} mm with it",
         )
     )
+
+
+def _relaxation(observations: Sequence[Observation], proofs: Sequence[Observation], seed: int) -> list[Measured]:
+    """Whether the material relaxes, by how an object swings that is let go in a clamp; nothing where one does not."""
+    swings = _told_by_swings(observations)
+    if len(swings) < len(observations):
+        return []
+    before, after = explained_swings(swings), fit_swings(swings)
+    held_out = []
+    for index, own in enumerate(swings):
+        others = fit_swings([*swings[:index], *swings[index + 1 :]])
+        held_out.append(_gain([own], others.ratio, others.time))
+    changes = [one - other for one, other in zip(before.left, after.left, strict=True)]
+    proven = _told_by_swings(proofs)
+    sizes = [1e3 * float(np.sqrt(each.misses.mean())) for each in (before, after)]
+    measured = Measured(
+        name="viscoelasticity",
+        shows=after.time <= SEEN_TO_END * min(swing.times[-1] for swing in swings),
+        parameters={
+            each.name: Estimate(value=getattr(after, each.name), unit=each.unit, ci95=after.ci95[each.name])
+            for each in effect_named("viscoelasticity").parameters
+        },
+        fitted_gain=float(swing_gains(swings, before, after).sum()),
+        held_out_gain=float(np.sum(held_out)),
+        proof_gain=_gain(proven, after.ratio, after.time) if proven else None,
+        p_null=shifted_p(
+            before.left, changes, counts(swings), [swing.times[-1] for swing in swings], floor=FLOOR, seed=seed
+        ),
+        episodes_agree=bool(np.min(held_out) > 0.0),
+        reason=f"viscoelasticity is measured in {len(swings)} swings: an oscillator misses them by {sizes[0]:.2f} mm "
+        f"without it, by {sizes[1]:.2f} mm with it",
+    )
+    return [_judged(measured)]
+
+
+def _told_by_swings(observations: Sequence[Observation]) -> list[Swing]:
+    """The swings of those records in which an object swings as an oscillator does."""
+    found = [swing_of(each.record) for each in observations if each.record is not None]
+    swings = [each for each in found if each is not None]
+    most = [OSCILLATES * np.ptp(each.places) for each in swings]
+    return [each for each, bound in zip(swings, most, strict=True) if explained_swings([each]).misses[0] < bound**2]
+
+
+def _gain(swings: Sequence[Swing], ratio: float, time: float) -> float:
+    """What given numbers gain in swings."""
+    return float(swing_gains(swings, explained_swings(swings), explained_swings(swings, ratio, time)).sum())
 
 
 def _judged(measured: Measured) -> Measured:

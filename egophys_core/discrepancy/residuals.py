@@ -58,6 +58,8 @@ class Observation:
     """[T] block of each frame, -1 before the first contact."""
     rate: float = RATE
     """w of its observers, 1/s; 0 for free rollouts."""
+    record: Episode | None = None
+    """Of markers: the whole record, with what came before rollouts begin."""
 
     @property
     def episode(self) -> Episode:

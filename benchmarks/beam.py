@@ -44,7 +44,7 @@ def run() -> dict[str, Any]:
     models = {
         "elastic": replace(twin.model, parameters=replace(twin.model.parameters, damping=0.0, drag=0.0)),
         "built": twin.model,
-        "before": finding.searches[0].before.model,
+        "before": finding.before,
         "after": finding.twin.model,
     }
     return {

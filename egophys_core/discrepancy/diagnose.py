@@ -47,6 +47,8 @@ class Finding:
     diagnosis: Diagnosis
     twin: Twin
     """A new version that names its parent."""
+    before: ObjectModel
+    """Refitted without any effect: what errors before are of."""
     evidence: Evidence
     searches: tuple[Search, ...]
     """The one beside the twin with what was measured, and, after it named an effect, the one beside that."""
@@ -158,6 +160,7 @@ def diagnose_observed(
     return Finding(
         diagnosis=diagnosis,
         twin=improved,
+        before=before,
         evidence=_evidence(everywhere, errors, observations[0], offsets[0]),
         searches=found.searches,
     )

@@ -32,7 +32,13 @@ def asked(monkeypatch) -> list[dict]:
         calls.append({"twin": twin, "episodes": episodes, "options": options, **more})
         changes = {} if more["seed"] else {"outcome": Outcome.NONE, "effects": ()}
         more["progress"]("probe", 0.5)
-        return Finding(diagnosis=make_diagnosis(**changes), twin=make_twin(), evidence=make_evidence(), searches=())
+        return Finding(
+            diagnosis=make_diagnosis(**changes),
+            twin=make_twin(),
+            before=make_twin().model,
+            evidence=make_evidence(),
+            searches=(),
+        )
 
     monkeypatch.setattr(command, "diagnose", answer)
     return calls

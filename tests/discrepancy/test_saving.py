@@ -16,7 +16,9 @@ from tests.twin.examples import make_twin
 
 
 def make_finding() -> Finding:
-    return Finding(diagnosis=make_diagnosis(), twin=make_twin(), evidence=make_evidence(), searches=())
+    return Finding(
+        diagnosis=make_diagnosis(), twin=make_twin(), before=make_twin().model, evidence=make_evidence(), searches=()
+    )
 
 
 def test_three_files_that_can_be_read_again(tmp_path):

@@ -95,7 +95,8 @@ def _beam_table(result: dict[str, Any]) -> str:
     effects = ", ".join(
         f"{effect['name']}: "
         + ", ".join(
-            f"{name} {number['value']:.3g} ({number['ci95'][0]:.3g} to {number['ci95'][1]:.3g}) {number['unit']}"
+            f"{name} {number['value']:.3g} ({number['ci95'][0]:.3g} to {number['ci95'][1]:.3g})"
+            + ("" if number["unit"] == "1" else f" {number['unit']}")
             for name, number in effect["parameters"].items()
         )
         for effect in result["effects"]

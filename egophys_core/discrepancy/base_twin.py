@@ -69,14 +69,15 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts:
         starts: so many, those with the least residuals, are refitted.
         iterations: most steps of the last refit, that of the best.
     """
-    own = [model, without_sag(model) if model.kind == ObjectKind.SOLID else _wrinkling(model)]
-    models = [*own, *variants(model)]
+    clamped = observations[0].free
+    own = [model] if clamped else [model, without_sag(model) if model.kind == ObjectKind.SOLID else _wrinkling(model)]
+    # What is seen at a few markers has the graph of its template, and sags as its springs say.
+    models = own if clamped else [*own, *variants(model)]
     found = residuals(observations, models)
     scale = residual_scale(observations, [each[0] for each in found])
     losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
     order = np.argsort(losses)
     scale = residual_scale(observations, [each[order[0]] for each in found])
-    clamped = observations[0].free
     fits = [
         refit(observations, models[row], base_knobs(models[row], clamped=clamped), iterations=FIRST_STEPS, scale=scale)
         for row in order[:starts]

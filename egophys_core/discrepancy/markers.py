@@ -14,7 +14,8 @@ from egophys_core.discrepancy.residuals import FEWEST_IN_BLOCK, Observation
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import FitProblem
-from egophys_core.identification.markers import CLAMP_STILL, place_markers
+from egophys_core.identification.clamps import stands_still
+from egophys_core.identification.markers import place_markers
 from egophys_core.twin import Twin
 
 FREE = 0.0
@@ -71,8 +72,8 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
 
 def effects_untold(observations: Sequence[Observation]) -> tuple[str, ...]:
     """Effects that episodes cannot tell, to be left out of a diagnosis."""
-    ways = [np.ptp(each.problem.controls.positions, axis=0).max(initial=0.0) for each in observations]
-    return NOT_TOLD_BY_A_STILL_CLAMP if max(ways, default=0.0) < CLAMP_STILL else ()
+    still = all(stands_still(each.problem.controls.positions) for each in observations)
+    return NOT_TOLD_BY_A_STILL_CLAMP if still else ()
 
 
 def _tracks(problem: FitProblem) -> ObservedTracks:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.identification.markers import CLAMP_STILL, find_onset
+from egophys_core.identification.clamps import stands_still
+from egophys_core.identification.markers import find_onset
 
 LEAST_TURNS = 6
 """Times that a swing passes its middle, at least: fewer do not tell how fast it is."""
@@ -43,8 +44,7 @@ class Swing:
 def swing_of(episode: Episode) -> Swing | None:
     """The swing of an episode whose object is let go at the start, held by a clamp that stands still; else None."""
     onset = find_onset(episode)
-    held = episode.controllers.astype(np.float64)
-    if onset.time == 0.0 or np.linalg.norm(held - held[0], axis=2).max(initial=0.0) >= CLAMP_STILL:
+    if onset.time == 0.0 or not stands_still(episode.controllers):
         return None
     seen = np.isfinite(episode.points).all(axis=(1, 2))
     times, points = episode.times[seen], episode.points[seen].astype(np.float64)

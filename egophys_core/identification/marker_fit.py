@@ -2,7 +2,7 @@
 
 Free rollouts tell them: markers are too few and too well measured for anything to be smoothed away. A swing that has
 the wrong period looks as wrong as any other, so the sag under gravity tells the stiffness first, with the swing
-damped away; then its period does, then all numbers are refined together.
+damped away; then its period does, then all numbers are refined together. How far a rod sags tells its thickness.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,8 +16,9 @@ from egophys_core.errors import EpisodeError, OptionsError, TwinError
 from egophys_core.evaluation import score
 from egophys_core.identification.build import episode_digest, predict
 from egophys_core.identification.checks import require_fittable
-from egophys_core.identification.markers import MarkerBody, marker_body, place_markers, turned
+from egophys_core.identification.markers import MarkerBody, marker_bodies, place_markers, turned
 from egophys_core.identification.problem import FitProblem
+from egophys_core.identification.rods import is_rod, modulus_of_rod
 from egophys_core.identification.template import Template, stiffness_of_modulus
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectKind, ObjectModel, PhysicalParameters, Provenance, Twin, per_kind
@@ -48,6 +49,12 @@ DAMPING_S = 1e-5
 
 STEPS = (0.05, 0.7, 1.0, 0.005, 0.005)
 """First steps of the refinement in the logarithms of stiffness and damping, in drag (1/s), pitch and yaw (rad)."""
+
+NUMBERS_OF_A_ROD = 3
+"""How a rod points is told by the curve that it is seen on."""
+
+FINALISTS = 3
+"""Bodies that are refined: a rod's thickness and how it is damped are told together."""
 
 REFINEMENTS = 30
 """Rounds; one without a better neighbour halves the steps."""
@@ -93,8 +100,8 @@ def build_marker_twin(
     for episode in episodes:
         require_fittable(episode)
     progress("prepare", 0.0, float("nan"))
-    body = marker_body(episodes[0], template)
-    fit = MarkerSearch(body, episodes, hung, density).run(progress)
+    bodies = marker_bodies(episodes[0], template)
+    fit = best_fit([MarkerSearch(body, episodes, hung, density) for body in bodies], progress)
     model, problem = fit.model, fit.problems[0]
     scores = score(predict(model, problem), model.graph.surface, problem.episode)
     return Twin(
@@ -106,7 +113,7 @@ def build_marker_twin(
             settings={
                 "density": density,
                 "loads": hung,
-                "assumed": list(body.notes),
+                "assumed": list(fit.notes),
                 "pitch_rad": fit.pitch,
                 "yaw_rad": fit.yaw,
                 "rmse_m": fit.error,
@@ -147,6 +154,27 @@ class MarkerFit:
     """rad, by which it points farther to its left."""
     error: float = np.inf
     """Root mean square distance of the markers in all train frames, metres."""
+    notes: tuple[str, ...] = ()
+    """What was assumed, in words."""
+
+
+def best_fit(searches: Sequence["MarkerSearch"], progress: Progress = lambda stage, share, loss: None) -> MarkerFit:
+    """The best of several bodies: those that hang as they are seen are refined.
+
+    Raises:
+        TwinError: all rollouts diverged.
+    """
+    sags = [search.sag() for search in searches]
+    order = np.argsort([error for _, error in sags])[:FINALISTS]
+    progress("sag", 0.2, sags[order[0]][1])
+    fits = []
+    for rank, index in enumerate(order):
+
+        def its_progress(stage: str, share: float, error: float, rank: int = rank) -> None:
+            progress(stage, 0.2 + 0.8 * (rank + share) / len(order), error)
+
+        fits.append(searches[index].run(sags[index][0], its_progress))
+    return min(fits, key=lambda fit: fit.error)
 
 
 class MarkerSearch:
@@ -155,12 +183,13 @@ class MarkerSearch:
     def __init__(self, body: MarkerBody, episodes: Sequence[Episode], loads: Mapping[str, float], density: float):
         self.body, self.episodes, self.loads, self.density = body, episodes, loads, density
         self.node_mass = density * body.spacing**3
+        self.known = episodes[0].controllers.shape[1] + episodes[0].points.shape[1]
+        self.rod = is_rod(body.grasp[: self.known].astype(np.float64))
 
     def at(self, numbers: np.ndarray) -> MarkerFit:
         """Of numbers [5]: log stiffness over node mass, log damping over stiffness, drag (1/s), pitch and yaw (rad)."""
         rate, time, drag, pitch, yaw = (float(number) for number in numbers)
-        first = self.episodes[0]
-        body = turned(self.body, first.controllers.shape[1] + first.points.shape[1], pitch=pitch, yaw=yaw)
+        body = turned(self.body, self.known, pitch=pitch, yaw=yaw)
         stiffness = float(np.exp(rate)) * self.node_mass
         model = marker_model(
             body,
@@ -172,7 +201,9 @@ class MarkerSearch:
         problems = [
             place_markers(model, body.grasp, each, load=self.loads.get(each.name, 0.0)) for each in self.episodes
         ]
-        return MarkerFit(model=model, grasp=body.grasp, problems=tuple(problems), pitch=pitch, yaw=yaw)
+        return MarkerFit(
+            model=model, grasp=body.grasp, problems=tuple(problems), pitch=pitch, yaw=yaw, notes=body.notes
+        )
 
     def best(self, candidates: np.ndarray) -> tuple[np.ndarray, float]:
         """The best of numbers [K, 5], and its error in metres.
@@ -187,22 +218,33 @@ class MarkerSearch:
             raise TwinError(f"none of {len(fits)} stiffnesses could be simulated; check the template's size")
         return candidates[row], float(errors[row])
 
-    def run(self, progress: Progress) -> MarkerFit:
-        """Sag, swing, all together."""
+    def sag(self) -> tuple[np.ndarray, float]:
+        """Numbers [5] with which it hangs as it is seen, and the error in metres.
+
+        A rod's thickness tells how far it bends, and its modulus that it hardly stretches. If hands move it, it swings
+        whatever its drag is.
+        """
+        if self.rod:
+            modulus = np.array([modulus_of_rod(self.body.length, self.density)])
+            rates = np.log(stiffness_of_modulus(modulus, self.body.spacing) / self.node_mass)
+            return self.best(np.concatenate([_numbers(rates, DAMPING_S, drag) for drag in (SOME_DRAG, SWING_GONE)]))
         rates = np.log(stiffness_of_modulus(MODULI, self.body.spacing) / self.node_mass)
-        here, error = self.best(_numbers(rates, 1e-5, SWING_GONE))
-        progress("sag", 0.2, error)
+        return self.best(_numbers(rates, DAMPING_S, SWING_GONE))
+
+    def run(self, here: np.ndarray, progress: Progress) -> MarkerFit:
+        """The swing, then all together, from the numbers [5] of the sag."""
         here, error = self.best(_numbers(here[0] + np.log(NEAR), DAMPING_S, SOME_DRAG))
-        progress("swing", 0.4, error)
+        progress("swing", 0.2, error)
+        free = NUMBERS_OF_A_ROD if self.rod else len(STEPS)
         shrunk, move = 1.0, np.zeros(len(STEPS))
         for round_ in range(REFINEMENTS):
-            sides = np.diag(shrunk * np.array(STEPS))
+            sides = np.diag(shrunk * np.array(STEPS))[:free]
             found, its_error = self.best(here + np.concatenate([sides, -sides, [LEAP * move, move]])[:-1])
             if its_error < (1.0 - LEAST_GAIN) * error:
                 move, here, error = found - here, found, its_error
             else:
                 shrunk, move = shrunk / 2, np.zeros(len(STEPS))
-            progress("refine", 0.4 + 0.6 * (round_ + 1) / REFINEMENTS, error)
+            progress("refine", 0.2 + 0.8 * (round_ + 1) / REFINEMENTS, error)
             if shrunk < LEAST_STEP:
                 break
         return replace(self.at(here), error=error)

@@ -1,7 +1,8 @@
 """Objects seen at a few markers: a lattice from a template, carried by held points, with a node at every marker.
 
 Held points stand for a clamp: the layer of the lattice nearest to them is its face, and moves with them as one piece.
-A node in the middle of the other end's face carries a load; neither it nor markers weigh anything.
+A node in the middle of the other end's face carries a load; neither it nor markers weigh anything. What is slender is a
+rod (`rods.py`): straight at rest, however it is bent where it is first seen.
 """
 
 from collections.abc import Sequence
@@ -13,8 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
+from egophys_core.identification.clamps import carried_by_clamps, clamp_groups, rigid_fit, stands_still
 from egophys_core.identification.contact import Contact, Hand
 from egophys_core.identification.problem import FitProblem
+from egophys_core.identification.rods import SLENDER, THICKNESSES, Chain, bend_to, find_chain, is_rod
 from egophys_core.identification.statics import equilibrium
 from egophys_core.identification.template import Lattice, Template, box_template, cut, lattice
 from egophys_core.simulation import ContactKind, Controls
@@ -26,14 +29,14 @@ MOST_MARKERS = 12
 ANCHORS = 6
 """Nodes of the lattice that a marker hangs on."""
 
+ROD_CELLS = (60, 2, 2)
+"""Along and across a rod: five between markers, as few across as resist bending."""
+
+SAME_PLACE = 1e-6
+"""Metres within which nodes have no way between them, which a spring needs."""
+
 MOST_RELIEF = 0.5
 """Of its mass that a cell can be lighter by for what hangs on it; a light node would ask for short steps."""
-
-HAND_GAP = 0.15
-"""Metres: held points that are nearer to each other belong to one clamp."""
-
-CLAMP_STILL = 0.002
-"""Metres: held points that never move farther belong to a clamp that stands still; markers slip in their glue."""
 
 RELEASED_M = 0.004
 """Metres that markers have moved when they are taken to move: more than a clamp that is touched shakes them."""
@@ -61,6 +64,8 @@ class MarkerBody:
     """[C + P + G, 3] metres: the episode's held points, then its markers in frame 0, then the clamped nodes."""
     spacing: float
     """Metres, edge of a cubic cell of the lattice."""
+    length: float
+    """Metres that are free."""
     notes: tuple[str, ...]
     """What was assumed, in words."""
 
@@ -68,6 +73,21 @@ class MarkerBody:
 def is_sparse(episode: Episode) -> bool:
     """Whether an episode shows an object at a few markers."""
     return episode.points.shape[1] <= MOST_MARKERS
+
+
+def marker_bodies(episode: Episode, template: Template | None) -> list[MarkerBody]:
+    """The bodies that an object may have: one bar, or rods of several thicknesses where markers lie along a rod.
+
+    Raises:
+        EpisodeError: no held points, or the markers do not tell a direction.
+    """
+    held, tracks = _first_places(episode)
+    slender = template is None or template.length >= SLENDER * template.size[1:].max()
+    chain = find_chain(held, clamp_groups(episode.controllers), tracks) if slender else None
+    if chain is None:
+        return [marker_body(episode, template)]
+    length = chain.length if chain.has_far_clamp or template is None else max(chain.length, template.length)
+    return [_rod_body(held, tracks, chain, length, share * length) for share in THICKNESSES]
 
 
 def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
@@ -78,16 +98,8 @@ def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
     Raises:
         EpisodeError: no held points, or the markers do not tell a direction.
     """
-    if episode.controllers.shape[1] == 0:
-        raise EpisodeError(f"{episode.name}: no held points; record the markers of the clamp as controller points")
-    held = episode.controllers[0].astype(np.float64)
-    seen = episode.visible[0]
-    if not seen.all():
-        raise EpisodeError(
-            f"{episode.name}: marker {episode.point_ids[~seen][0]} is hidden in the first frame; cut the record there"
-        )
-    tracks = episode.points[0].astype(np.float64)
-    clamps = [held[members].mean(axis=0) for members in clamp_groups(held)]
+    held, tracks = _first_places(episode)
+    clamps = [held[members].mean(axis=0) for members in clamp_groups(episode.controllers)]
     frame, near, span = _frame(episode, clamps, tracks)
     notes = []
     if template is None:
@@ -107,27 +119,72 @@ def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
         f"its first end lies at the clamp's centre and it points to {towards}, {1000 * span:.1f} mm from there; "
         f"{1000 * template.length:.1f} mm of it are free; its width is taken to be level"
     )
-    clamped = np.isin(cells.layers, list(held_layers))
+    return _body(template, cells, sorted(held_layers), frame, centre, held, tracks, notes)
+
+
+def _first_places(episode: Episode) -> tuple[np.ndarray, np.ndarray]:
+    """Held points [C, 3] and markers [P, 3] in the first frame, metres.
+
+    Raises:
+        EpisodeError: none is held, or a marker is hidden.
+    """
+    if episode.controllers.shape[1] == 0:
+        raise EpisodeError(f"{episode.name}: no held points; record the markers of the clamp as controller points")
+    seen = episode.visible[0]
+    if not seen.all():
+        raise EpisodeError(
+            f"{episode.name}: marker {episode.point_ids[~seen][0]} is hidden in the first frame; cut the record there"
+        )
+    return episode.controllers[0].astype(np.float64), episode.points[0].astype(np.float64)
+
+
+def _rod_body(held: np.ndarray, tracks: np.ndarray, chain: Chain, length: float, thickness: float) -> MarkerBody:
+    """A rod, straight from where it is first free on, with all that was recorded on its axis."""
+    template = box_template(length, thickness, thickness)
+    cells = lattice(template, held_ends=(True, chain.has_far_clamp), counts=ROD_CELLS)
+    frame = _axes(tracks[-1] - held[0])
+    begin = held[int(np.abs(chain.reaches[: len(held)]).argmin())]
+    straight = begin + chain.reaches[:, None] * frame[0]
+    notes = [
+        f"a rod: {1000 * length:.1f} mm of it are free, along the curve through held points and markers, straight at "
+        f"rest; {1000 * thickness:.2g} mm thick in effect"
+    ]
+    layers = [0, int(cells.layers.max())] if chain.has_far_clamp else [0]
+    centre = begin + frame[0] * length / 2
+    return _body(template, cells, layers, frame, centre, straight[: len(held)], straight[len(held) :], notes)
+
+
+def _body(
+    template: Template,
+    cells: Lattice,
+    held_layers: Sequence[int],
+    frame: np.ndarray,
+    centre: np.ndarray,
+    held: np.ndarray,
+    tracks: np.ndarray,
+    notes: Sequence[str],
+) -> MarkerBody:
+    """The cells of a template in the world, with a node at its end and at each marker.
+
+    Args:
+        held_layers: of the lattice, that are clamped.
+        frame: [3, 3] axes of the template as rows.
+        centre: [3] metres, of the template.
+        held: [C, 3] metres.
+        tracks: [P, 3] metres.
+        notes: what was assumed.
+    """
     nodes = cells.nodes @ frame + centre
     last = cells.nodes[cells.layers == cells.layers.max()].mean(axis=0)
     end = np.array([template.length / 2, *last[1:]]) @ frame + centre
     graph = _graph(nodes, cells, np.concatenate([[end], tracks]))
     return MarkerBody(
         graph=graph,
-        grasp=np.concatenate([held, tracks, nodes[clamped]]).astype(np.float32),
+        grasp=np.concatenate([held, tracks, nodes[np.isin(cells.layers, held_layers)]]).astype(np.float32),
         spacing=cells.spacing,
+        length=template.length,
         notes=tuple(notes),
     )
-
-
-def clamp_groups(held: np.ndarray) -> list[np.ndarray]:
-    """Indices of the held points [C, 3] of each clamp."""
-    label = np.full(len(held), -1)
-    for seed in range(len(held)):
-        if label[seed] < 0:
-            near = np.linalg.norm(held - held[seed], axis=1) < HAND_GAP
-            label[near & (label < 0)] = label.max() + 1
-    return [np.flatnonzero(label == clamp) for clamp in range(label.max() + 1)]
 
 
 def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, load: float = 0.0) -> FitProblem:
@@ -135,7 +192,8 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
 
     It is placed by its held points if they tell how a clamp is turned: a hand that still holds it back in frame 0
     bends it. Fewer of them tell it together with the markers of frame 0, as one rigid body. If it is let go at the
-    start its episode begins where its swing first turns, and it begins bent as the markers say.
+    start its episode begins where its swing first turns, and it begins bent as the markers say. A rod begins along
+    the curve through held points and markers.
 
     Args:
         grasp: of the twin, as in `MarkerBody`.
@@ -154,12 +212,18 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
             f"{episode.name}: the twin needs its {markers} markers in view in the first frame and its {count} held "
             "points; is it a twin of these markers (egophys build --template)?"
         )
-    seen = held if _spread(held) > WIDE else np.concatenate([held, tracks])
-    turn, shift = rigid_fit(grasp[: len(seen)].astype(np.float64), seen)
-    placed, clamped = nodes @ turn.T + shift, grasp[known:].astype(np.float64) @ turn.T + shift
     onset = find_onset(episode)
     shown = _from_onset(episode, onset)
-    driven = np.concatenate([shown.controllers, _carried(shown, clamped)], axis=1)
+    recorded, clamped = grasp[:known].astype(np.float64), grasp[known:].astype(np.float64)
+    if is_rod(recorded):
+        bend = bend_to(recorded, np.concatenate([shown.controllers[0], onset.markers]))
+        start, clamped = bend.place(nodes), bend.place(clamped)
+    else:
+        seen = held if _spread(held) > WIDE else np.concatenate([held, tracks])
+        turn, shift = rigid_fit(recorded[: len(seen)], seen)
+        clamped = clamped @ turn.T + shift
+        start = _bent(model, nodes @ turn.T + shift, clamped, onset.markers)
+    driven = np.concatenate([shown.controllers, carried_by_clamps(shown.controllers.astype(float), clamped)], axis=1)
     contact = np.full(driven.shape[:2], ContactKind.HOLD, np.uint8)
     contact[:, :count] = ContactKind.NONE
     hand = Hand(
@@ -169,7 +233,7 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     return FitProblem(
         episode=shown,
         hands=(hand,),
-        start=_bent(model, placed, clamped, onset.markers).astype(np.float32),
+        start=start.astype(np.float32),
         bound=np.arange(len(nodes) - markers, len(nodes)),
         controls=Controls(
             times=shown.times,
@@ -209,7 +273,7 @@ def find_onset(episode: Episode) -> Onset:
     way = np.linalg.norm(np.nanmean(points - points[0], axis=1), axis=1)
     gone = int(np.argmax(way > RELEASED_M))
     start = Onset(frame=0, time=0.0, markers=points[0])
-    if gone == 0 or times[gone] > RELEASED_WITHIN:
+    if gone == 0 or times[gone] > RELEASED_WITHIN or not stands_still(episode.controllers):
         return start
     turns = [frame for frame in range(gone, episode.frames - 1) if way[frame - 1] < way[frame] >= way[frame + 1]]
     if not turns or not np.isfinite(points[turns[0] - 1 : turns[0] + 2]).all():
@@ -262,15 +326,6 @@ def turned(body: MarkerBody, known: int, *, pitch: float, yaw: float) -> MarkerB
     )
 
 
-def rigid_fit(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation [3, 3] and shift [3] that bring points [P, 3] nearest to others (Kabsch, Acta Cryst. A32 (1976) 922)."""
-    middle, aim = source.mean(axis=0), target.mean(axis=0)
-    left, _, right = np.linalg.svd((source - middle).T @ (target - aim))
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    turn = (left @ mirror @ right).T
-    return turn, aim - turn @ middle
-
-
 def _frame(episode: Episode, clamps: Sequence[np.ndarray], tracks: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Axes [3, 3] of the template in the world as rows, the first clamp's centre [3], and the way to the other end."""
     near = clamps[0]
@@ -278,11 +333,16 @@ def _frame(episode: Episode, clamps: Sequence[np.ndarray], tracks: np.ndarray) -
     span = float(np.linalg.norm(far - near))
     if span < 1e-3:
         raise EpisodeError(f"{episode.name}: the held points lie amid the markers and tell no direction")
-    along = (far - near) / span
+    return _axes(far - near), near, span
+
+
+def _axes(direction: np.ndarray) -> np.ndarray:
+    """[3, 3] axes as rows: one along a direction [3], one level, and the one across both."""
+    along = direction / np.linalg.norm(direction)
     up = np.array([0.0, 0.0, 1.0]) if abs(along[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
     level = np.cross(up, along)
     level /= np.linalg.norm(level)
-    return np.stack([along, level, np.cross(along, level)]), near, span
+    return np.stack([along, level, np.cross(along, level)])
 
 
 def _bar(tracks: np.ndarray, frame: np.ndarray, near: np.ndarray, span: float) -> Template:
@@ -300,17 +360,18 @@ def _layer_places(cells: Lattice) -> np.ndarray:
 
 
 def _graph(nodes: np.ndarray, cells: Lattice, places: np.ndarray) -> SpringGraph:
-    """The cells and a node at each of some places [Q, 3], which hangs on the cells around it."""
+    """The cells and a node at each of some places [Q, 3], which hangs on the cells around it, not on one just there."""
     anchors = _anchors(nodes, places)
     hung = np.stack([anchors.ravel(), np.repeat(len(nodes) + np.arange(len(places)), anchors.shape[1])], axis=1)
     springs = np.concatenate([cells.springs, hung])
     positions = np.concatenate([nodes, places])
     lengths = np.linalg.norm(positions[springs[:, 0]] - positions[springs[:, 1]], axis=1)
+    springs, lengths = springs[lengths > SAME_PLACE], lengths[lengths > SAME_PLACE]
     return SpringGraph(
         positions=positions.astype(np.float32),
         springs=springs.astype(np.int32),
         kinds=np.full(len(springs), SpringKind.STRUCTURAL, np.uint8),
-        rest_lengths=np.maximum(lengths, 1e-6).astype(np.float32),
+        rest_lengths=lengths.astype(np.float32),
         surface=np.ones(len(positions), bool),
     )
 
@@ -339,26 +400,6 @@ def _bent(model: ObjectModel, placed: np.ndarray, clamped: np.ndarray, tracks: n
         displacement=displacement,
         forces=np.zeros_like(placed),
     )
-
-
-def _carried(episode: Episode, clamped: np.ndarray) -> np.ndarray:
-    """[T, G, 3] metres: clamped points [G, 3] of frame 0, moved by the held points of the nearest clamp."""
-    held = episode.controllers.astype(np.float64)
-    groups = clamp_groups(held[0])
-    centres = np.array([held[0, members].mean(axis=0) for members in groups])
-    owner = cKDTree(centres).query(clamped)[1]
-    carried = np.repeat(clamped[None], len(held), axis=0)
-    for clamp, members in enumerate(groups):
-        track, mine = held[:, members], owner == clamp
-        if not mine.any() or np.linalg.norm(track - track[0], axis=2).max() < CLAMP_STILL:
-            continue
-        for frame, now in enumerate(track):
-            if len(members) > 2:
-                turn, shift = rigid_fit(track[0], now)
-                carried[frame, mine] = clamped[mine] @ turn.T + shift
-            else:
-                carried[frame, mine] += (now - track[0]).mean(axis=0)
-    return carried
 
 
 def _payload(model: ObjectModel, markers: int, load: float) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.discrepancy.effects import LIBRARY, Effect, Surroundings
-from egophys_core.discrepancy.knobs import at_null, effect_knobs, sizes_of, with_effect
+from egophys_core.discrepancy.knobs import at_null, effect_knobs, part_way, sizes_of, with_effect
 from egophys_core.discrepancy.linear import (
     Columns,
     LinearProblem,
@@ -17,6 +17,7 @@ from egophys_core.discrepancy.linear import (
     left_out_losses,
     sham,
 )
+from egophys_core.discrepancy.refit import secant_of
 from egophys_core.discrepancy.residuals import Observation, residuals
 from egophys_core.twin import ObjectModel
 
@@ -124,8 +125,9 @@ def probe_effects(
     around = surroundings(model, observations)
     effects = [effect for effect in LIBRARY.values() if effect.name not in without]
     planned = {effect.name: simulated_starts(effect, around) for effect in effects}
+    secant = secant_of(observations)
     models = [
-        with_effect(model, effect.name, {**at_null(effect, start), name: start[name]})
+        with_effect(model, effect.name, {**at_null(effect, start), name: part_way(effect, start, secant)[name]})
         for effect in effects
         for start in planned[effect.name][0]
         for name in sizes_of(effect)
@@ -137,7 +139,7 @@ def probe_effects(
         slopes = []
         simulated, shares = planned[effect.name]
         for start in simulated:
-            mine = [(next(rows), _steps(effect, name, start)) for name in sizes_of(effect)]
+            mine = [(next(rows), secant * _steps(effect, name, start)) for name in sizes_of(effect)]
             slopes.append(
                 [
                     _finite(np.stack([(results[index][row] - base) / steps for row, steps in mine], axis=-1))

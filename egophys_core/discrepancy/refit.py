@@ -26,7 +26,8 @@ ACROSS = 0.5
 """Steps by which each knob alone is tried where no other step helps: slopes mislead where an object buckles."""
 
 SECANT_OF_SWINGS = 0.1
-"""Of a step, over which slopes of free rollouts are taken: a swing that is a few percent faster is soon out of step."""
+"""Of a step of a knob, or the size of an effect, over which slopes of free rollouts are taken: a swing that is a few
+percent faster is soon out of step."""
 
 PRIOR_STEPS = 10.0
 """Standard deviation of a knob's prior about its start, in steps: keeps what the data say nothing of where it was."""
@@ -154,11 +155,16 @@ def _objective(found: Sequence[np.ndarray], scale: float, moved: np.ndarray) -> 
     return robust_loss(found, scale) + 0.5 * float(np.sum((moved / PRIOR_STEPS) ** 2))
 
 
+def secant_of(observations: Sequence[Observation]) -> float:
+    """The share of a step of a knob, or of the size of an effect, over which slopes are taken."""
+    return SECANT_OF_SWINGS if all(each.free for each in observations) else 1.0
+
+
 def linearised(
     observations: Sequence[Observation], model: ObjectModel, knobs: Sequence[Knob]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Residuals [B, Q, 3] of each episode at a model, and their change [B, Q, 3, D] per step of each knob."""
-    secant = SECANT_OF_SWINGS if all(each.free for each in observations) else 1.0
+    secant = secant_of(observations)
     neighbours, steps = [], []
     for knob in knobs:
         at = knob.position(model)

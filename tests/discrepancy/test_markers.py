@@ -9,7 +9,10 @@ from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh
 from scipy.spatial.transform import Rotation
 
+from egophys_core.discrepancy.effects import LIBRARY
+from egophys_core.discrepancy.knobs import with_effect
 from egophys_core.discrepancy.markers import effects_untold, observe_markers
+from egophys_core.discrepancy.ranking import probe_effects
 from egophys_core.discrepancy.refit import median_size
 from egophys_core.discrepancy.residuals import block_means, residuals, track_offsets
 from egophys_core.episode import Episode
@@ -197,6 +200,23 @@ def test_a_load_slows_a_swing_as_it_does_a_beam(cantilever: tuple[MarkerBody, Ob
 
     for load in (0.1, 0.3):
         assert rate(0.0) / rate(load) == pytest.approx(of_beam(0.0) / of_beam(load), rel=0.02)
+
+
+def test_slopes_of_effects_on_a_swing_are_those_near_none(
+    cantilever: tuple[MarkerBody, ObjectModel, Episode],
+) -> None:
+    """Material that is stiffer along the beam makes its swing faster: where a search for it starts the swing
+    is out of step, and tells nothing of a little of it."""
+    body, model, episode = cantilever
+    observation = observe_markers(twin_of(body, model), episode)
+    [base] = residuals([observation], [model])
+    others = [name for name in LIBRARY if name != "anisotropy"]
+    [probe] = probe_effects([observation], model, [base[0]], without=others, progress=lambda share: None)
+    there = with_effect(model, "anisotropy", {"cosine": 1e-3, "sine": 0.0})
+    fine = (residuals([observation], [there])[0][0] - base[0]) / 0.01
+    seen = np.isfinite(fine)
+    assert np.abs(fine[seen]).max() > 1e-4
+    assert probe.slopes[0][..., 0][seen] == pytest.approx(fine[seen], abs=0.25 * np.abs(fine[seen]).max())
 
 
 def test_a_still_clamp_tells_nothing_of_the_hands(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:

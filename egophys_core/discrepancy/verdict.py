@@ -106,6 +106,10 @@ general one, nor the other way round; of both the special one is named, unless t
 THE_SAME = {"constant_body_force", "gravity_tilt"}
 """A horizontal force and tilted gravity are one thing: neither is the simpler."""
 
+SCALES = {"viscoelasticity": "time", "hysteresis": "strain"}
+"""Numbers at whose ends an effect is no longer itself: what relaxes at once is a damper, which a twin has, and what
+yields at once rubs. A cable whose bending is damped, as a twin's is not, gained 1072 for relaxation in 0.03 s."""
+
 EVENTS = ("grasp_slip",)
 """Effects that happen or not: a grip that slips in some episodes need not slip in others."""
 
@@ -219,9 +223,9 @@ def differs_from_null(judged: Judged) -> bool:
 
 
 def at_bound(judged: Judged) -> bool:
-    """Whether a size ended at the end of its range: no physics, but something else taking its part."""
+    """Whether a size or a scale ended at the end of its range: no physics, but something else taking its part."""
     for parameter in effect_named(judged.name).parameters:
-        if parameter.null is None:
+        if parameter.null is None and parameter.name != SCALES.get(judged.name):
             continue
         value = judged.parameters[parameter.name].value
         for bound in (parameter.low, parameter.high):

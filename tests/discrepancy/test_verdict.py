@@ -33,6 +33,7 @@ def judged(name: str, gain: float, **changes) -> Judged:
         "quadratic_drag": {"coefficient": 3.0},
         "control_delay": {"delay": 0.05},
         "anisotropy": {"cosine": 0.2, "sine": 0.1},
+        "viscoelasticity": {"ratio": 0.2, "time": 0.5},
     }[name]
     fields = {
         "name": name,
@@ -313,3 +314,17 @@ def test_one_episode_names_nothing_and_says_what_to_record():
 def test_structure_that_nothing_fits_is_unexplained():
     verdict = decide([judged("quadratic_drag", 1.0)], P, 2 * STRUCTURE_GAIN, 2)
     assert (verdict.outcome, verdict.judged) == (Outcome.UNEXPLAINED, ())
+
+
+@pytest.mark.parametrize(("time", "outcome"), [(0.5, Outcome.NAMED), (0.03, Outcome.UNEXPLAINED)])
+def test_what_relaxes_at_once_is_damping(time: float, outcome: Outcome) -> None:
+    numbers = {"ratio": 0.5, "time": time}
+    relaxes = judged(
+        "viscoelasticity",
+        CLEAR,
+        parameters={
+            key: Estimate(value=value, unit="1", ci95=(0.9 * value, 1.1 * value)) for key, value in numbers.items()
+        },
+    )
+    verdict = decide([relaxes], {"viscoelasticity": 0.01}, 0.0, 2, second=False)
+    assert verdict.outcome == outcome

@@ -16,7 +16,8 @@ def add_marker_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--template",
         metavar="SHAPE",
-        help="box:LxWxH or an .obj or .stl file, in metres; by default a bar from the held points to the markers",
+        help="box:LxWxH or an .obj or .stl file, in metres; by default a rod along markers that lie one after the "
+        "other, else a bar from the held points to the markers",
     )
     group.add_argument("--density", type=float, default=DENSITY, help="kg/m^3 (default %(default)g)")
     add_load_argument(group)

@@ -1,0 +1,174 @@
+"""A cable between two hands in MuJoCo's cable plugin, seen at markers as motion capture sees them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from egophys_core.episode import Episode
+from egophys_core.rehearsal.engine import load_mujoco
+
+LENGTH, RADIUS, MASS = 1.0, 0.004, 0.05
+"""Metres; kg."""
+
+PIECES = 48
+MODULUS = 4.2e6
+"""Pa: under its own weight it bends within 0.12 m."""
+
+DAMPING = 1e-3
+"""N m s/rad of each joint between two pieces."""
+
+STEP, FRAME = 0.00025, 0.01
+"""Seconds."""
+
+SETTLING = 4.0
+"""Seconds from lying straight to hanging between the hands, before a record."""
+
+MARKERS, HELD = 13, 2
+"""Along the whole cable; at each end of them in a hand."""
+
+NOISE = 0.0002
+"""Metres, of a marker's place."""
+
+Hands = Callable[[float], np.ndarray]
+"""By seconds: [2, 5] of each hand its place (m), yaw and pitch (rad)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hanging:
+    """How the hands move: each of their numbers swings about its start, and eases in within half a second."""
+
+    name: str
+    start: np.ndarray
+    """[2, 5] metres and rad."""
+    swings: dict[tuple[int, int], tuple[float, float]]
+    """By hand and number: size (m, rad) and frequency (Hz)."""
+
+    def __call__(self, time: float) -> np.ndarray:
+        """[2, 5] places and turns of the hands after so many seconds."""
+        eased = min(time / 0.5, 1.0)
+        eased = eased * eased * (3.0 - 2.0 * eased)
+        hands = self.start.copy()
+        for (hand, number), (size, frequency) in self.swings.items():
+            hands[hand, number] += size * eased * np.sin(2.0 * np.pi * frequency * time)
+        return hands
+
+
+def _between(width: float) -> np.ndarray:
+    """[2, 5] two hands so many metres apart that let the cable sag."""
+    return np.array([[0.0, 0.0, 1.0, 0.0, 0.3], [width, 0.0, 1.0, 0.0, -0.3]])
+
+
+MOTIONS = (
+    Hanging(name="up_and_down", start=_between(0.7), swings={(1, 2): (0.12, 0.8)}),
+    Hanging(
+        name="aside",
+        start=_between(0.7),
+        swings={(0, 1): (0.08, 1.1), (1, 0): (-0.12, 0.6), (0, 3): (0.3, 0.6), (1, 4): (0.3, 0.6)},
+    ),
+    Hanging(
+        name="all_ways",
+        start=_between(0.6),
+        swings={
+            (0, 0): (0.05, 1.3),
+            (0, 2): (0.08, 0.5),
+            (1, 1): (0.1, 1.3),
+            (1, 2): (-0.1, 0.5),
+            (0, 4): (0.2, 0.5),
+            (1, 3): (0.4, 1.3),
+        },
+    ),
+)
+
+
+def record(hanging: Hanging, *, seconds: float, drag: float = 0.0, delay: float = 0.0, seed: int) -> Episode:
+    """The markers of a moved cable, 100 frames a second.
+
+    Args:
+        hanging: how the hands move.
+        seconds: of the record.
+        drag: 1/m, acceleration over squared speed against it.
+        delay: seconds by which the hands' record is early.
+        seed: of the markers' noise.
+    """
+    mujoco = load_mujoco()
+    model: Any = mujoco.MjModel.from_xml_string(_scene())
+    data: Any = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    first = model.body("cB_first").id
+    pieces = slice(first, first + PIECES)
+    straight = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], [LENGTH, 0.0, 1.0, 0.0, 0.0]])
+    damping = model.dof_damping.copy()
+    model.dof_damping[6:] = 2.0 * DAMPING
+    for step in range(int(SETTLING / STEP)):
+        share = min(step * STEP / (0.4 * SETTLING), 1.0)
+        _put(data, straight + share * share * (3.0 - 2.0 * share) * (hanging(0.0) - straight))
+        if step * STEP > 0.7 * SETTLING:
+            model.dof_damping[:] = damping
+        mujoco.mj_step(model, data)
+    places = []
+    before = data.xipos[pieces].copy()
+    for frame in range(round((seconds + delay) / FRAME)):
+        last = data.body("cB_last")
+        tip = last.xpos + last.xmat.reshape(3, 3)[:, 0] * LENGTH / PIECES
+        places.append(np.concatenate([data.xpos[pieces], [tip]]))
+        for step in range(round(FRAME / STEP)):
+            speeds = (data.xipos[pieces] - before) / STEP
+            before = data.xipos[pieces].copy()
+            data.xfrc_applied[pieces, :3] = (
+                -drag * MASS / PIECES * np.linalg.norm(speeds, axis=1, keepdims=True) * speeds
+            )
+            _put(data, hanging(frame * FRAME + step * STEP))
+            mujoco.mj_step(model, data)
+    seen = np.array(places)[:, np.linspace(0, PIECES, MARKERS).round().astype(int)]
+    return _episode(hanging.name, seen, round(delay / FRAME), np.random.default_rng(seed))
+
+
+def _episode(name: str, seen: np.ndarray, early: int, random: np.random.Generator) -> Episode:
+    """Markers [T, M, 3] with noise, the first and last of them held; those of the hands some frames early."""
+    noisy = (seen + random.normal(0.0, NOISE, seen.shape)).astype(np.float32)
+    frames = len(noisy) - early
+    points = noisy[:frames, HELD:-HELD]
+    held = np.concatenate([noisy[early:, :HELD], noisy[early:, -HELD:]], axis=1)
+    return Episode(
+        name=name,
+        times=FRAME * np.arange(frames),
+        points=points,
+        confidence=np.ones(points.shape[:2], np.float32),
+        point_ids=np.arange(points.shape[1], dtype=np.uint32),
+        controllers=held,
+        controller_ids=np.arange(held.shape[1], dtype=np.uint32),
+    )
+
+
+def _put(data: Any, hands: np.ndarray) -> None:
+    """Move the hands [2, 5] there."""
+    data.mocap_pos[:] = hands[:, :3]
+    data.mocap_quat[:] = Rotation.from_euler("zy", hands[:, 3:]).as_quat()[:, [3, 0, 1, 2]]
+
+
+def _scene() -> str:
+    piece = LENGTH / PIECES
+    return f"""
+<mujoco>
+  <extension><plugin plugin="mujoco.elasticity.cable"/></extension>
+  <option timestep="{STEP}" integrator="implicitfast"/>
+  <worldbody>
+    <body name="left" mocap="true" pos="0 0 1"/>
+    <body name="right" mocap="true" pos="{LENGTH} 0 1"/>
+    <composite type="cable" prefix="c" curve="s 0 0" count="{PIECES + 1} 1 1" size="{LENGTH} 0 0" offset="0 0 1"
+        initial="free">
+      <plugin plugin="mujoco.elasticity.cable">
+        <config key="twist" value="{MODULUS}"/><config key="bend" value="{MODULUS}"/><config key="vmax" value="0"/>
+      </plugin>
+      <joint kind="main" damping="{DAMPING}"/>
+      <geom type="capsule" size="{RADIUS}" density="{MASS / LENGTH / np.pi / RADIUS**2}" contype="0" conaffinity="0"/>
+    </composite>
+  </worldbody>
+  <equality>
+    <weld body1="left" body2="cB_first" relpose="0 0 0 1 0 0 0" solref="0.004 1"/>
+    <weld body1="right" body2="cB_last" relpose="{-piece} 0 0 1 0 0 0" solref="0.004 1"/>
+  </equality>
+</mujoco>"""

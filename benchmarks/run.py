@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import beam, blind, cost, perception, physics, planted, towel
+from benchmarks import beam, blind, cable, cost, perception, physics, planted, towel
 from benchmarks.provenance import commit, machine
 from egophys_core.files import write_atomically, write_json
 
@@ -19,13 +19,17 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "planted": planted.run,
     "diagnoses": blind.run,
     "beam": beam.run,
+    "cable": cable.run,
     "cost": cost.run,
 }
 
 
 def main() -> None:
     """Run those named on the command line, or all."""
-    for name in sys.argv[1:] or BENCHMARKS:
+    names = sys.argv[1:] or list(BENCHMARKS)
+    if unknown := [name for name in names if name not in BENCHMARKS]:
+        sys.exit(f"no benchmark is called {', '.join(unknown)}; there are {', '.join(BENCHMARKS)}")
+    for name in names:
         result = {**BENCHMARKS[name](), "machine": machine(), "commit": commit(), "command": "make bench"}
         write_json(RESULTS / f"{name}.json", result)
         print(json.dumps(result, indent=1))
@@ -45,6 +49,7 @@ def renew_tables() -> None:
         ("planted", "planted", _planted_table),
         ("diagnoses", "diagnoses", _diagnoses_table),
         ("beam", "beam", _beam_table),
+        ("cable", "cable", _cable_table),
         ("cost", "cost", _cost_table),
     ):
         path = RESULTS / f"{result}.json"
@@ -92,17 +97,38 @@ def _beam_table(result: dict[str, Any]) -> str:
         swing = result["swing_rmse_m"][name]
         millimetres = " | ".join(f"{1e3 * errors[key]:.2f} ({1e3 * swing[key]:.2f})" for key in errors)
         lines.append(f"| {name} | {result['loads_n'][name]:g} | {fitted} | {millimetres} |")
-    effects = ", ".join(
+    said = f"The diagnosis: {result['outcome']} ({_named(result['effects']) or 'no name'}); {result['reason']}."
+    return "\n".join([*lines, "", said])
+
+
+def _cable_table(result: dict[str, Any]) -> str:
+    lines = [
+        "| planted | the diagnosis | motion of the hands | | as built | refitted, no effect | with what is named | s |",
+        "|" + " --- |" * 8,
+    ]
+    for name, row in result["cables"].items():
+        outcome = f"{row['outcome']}: {_named(row['effects'])}" if row["effects"] else row["outcome"]
+        planted = ", ".join([name, *(f"{each:g}" for each in row["planted"].values())])
+        for index, (motion, errors) in enumerate(row["rmse_m"].items()):
+            first = (planted, outcome) if index == 0 else ("", "")
+            fitted = "held out" if motion == result["held_out"] else "fitted"
+            millimetres = [f"{1e3 * each:.1f}" for each in errors.values()]
+            seconds = f"{row['build_seconds'] + row['diagnose_seconds']:.0f}" if index == 0 else ""
+            lines.append(f"| {' | '.join([*first, motion.replace('_', ' '), fitted, *millimetres, seconds])} |")
+    return "\n".join(lines)
+
+
+def _named(effects: list[dict[str, Any]]) -> str:
+    """The effects with their numbers and intervals."""
+    return ", ".join(
         f"{effect['name']}: "
         + ", ".join(
             f"{name} {number['value']:.3g} ({number['ci95'][0]:.3g} to {number['ci95'][1]:.3g})"
             + ("" if number["unit"] == "1" else f" {number['unit']}")
             for name, number in effect["parameters"].items()
         )
-        for effect in result["effects"]
+        for effect in effects
     )
-    said = f"The diagnosis: {result['outcome']} ({effects or 'no name'}); {result['reason']}."
-    return "\n".join([*lines, "", said])
 
 
 def _planted_table(result: dict[str, Any]) -> str:

@@ -42,6 +42,11 @@ hands in `towel_drag` 78 there."""
 
 ANOTHER_MOTION = "record one more motion, and give it last: it is not fitted, and what is named has to show there, too"
 
+A_SECOND_MOTION = (
+    "record a second motion of the object (a lift, if this is a pull) and give both: one motion alone cannot tell what "
+    "the twin lacks from what it was bent to make up for"
+)
+
 CROWD = 0.5
 """Share of an effect's gain from which another, which does not mimic it and is not disproven, makes a crowd."""
 
@@ -311,6 +316,9 @@ def decide(
                 f"what gains most on held-out data gains {max(best, 0.0):.0f}; a twin's own mismatch gains up to "
                 f"{CROWDED_GAIN:.0f}, and an effect that stands alone needs {LEAST_GAIN:.0f} and to pass all tests"
             )
+        if episodes < 2:
+            reason = f"of one motion nothing can be named: {reason}"
+            next_step = A_SECOND_MOTION
         return Verdict(outcome=outcome, judged=(), reason=reason, experiment=next_step)
     best_one = good[0]
     if near and not rivals:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
@@ -15,6 +16,10 @@ from egophys_core.simulation import Controls
 
 LEAD_FRAMES = 3
 """Frames simulated before the first contact: at rest nothing can be learnt, and a few let the object settle."""
+
+ANOTHER_OBJECT = 0.05
+"""Median distance of the points at rest to the placed twin, over its size, from which they show something else: 0.017
+to 0.026 for the same object, 0.04 for another toy of its size and shape, 0.06 and more for other objects."""
 
 FEWEST_CONTACT_FRAMES = 5
 """Train frames with contact below which there is nothing to fit."""
@@ -69,7 +74,7 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
         spacing: metres between nodes.
 
     Raises:
-        EpisodeError: no hand ever moves the object, so there is nothing to fit.
+        EpisodeError: no hand ever moves the object, so there is nothing to fit, or it is another object.
     """
     split_frames(episode)
     hands = tuple(find_hands(episode))
@@ -78,8 +83,10 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
             f"{episode.name}: no hand moves the object (no points within {REACH} m of one come along with it); "
             "check that object and controller points are in the same frame and unit"
         )
-    pose = place(positions[surface], observed_at_rest(episode, hands)[1], spacing=spacing)
+    resting = observed_at_rest(episode, hands)[1]
+    pose = place(positions[surface], resting, spacing=spacing)
     start = placed(positions, pose, positions[surface].mean(axis=0))
+    _require_same_object(episode.name, start[surface], resting)
     return FitProblem(
         episode=episode,
         hands=hands,
@@ -87,3 +94,19 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
         bound=bind_tracks(episode.points[0], start[surface]),
         controls=Controls(times=episode.times, positions=episode.controllers, contact=contact_flags(episode, hands)),
     )
+
+
+def _require_same_object(name: str, surface: np.ndarray, resting: np.ndarray) -> None:
+    """Check that points at rest [P, 3] lie on the placed surface nodes [S, 3], metres.
+
+    Raises:
+        EpisodeError: they do not.
+    """
+    apart = float(np.median(cKDTree(surface).query(resting)[0]))
+    size = float(np.linalg.norm(np.ptp(surface, axis=0)))
+    if apart > ANOTHER_OBJECT * size:
+        raise EpisodeError(
+            f"{name}: half of the points at rest lie {1e3 * apart:.0f} mm or more from the twin, which is "
+            f"{1e3 * size:.0f} mm across, however it is turned on the table; this is another object, or it starts "
+            "folded or on another side: build a twin of this episode (egophys build), or record it as the twin lies"
+        )

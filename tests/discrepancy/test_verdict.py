@@ -311,6 +311,13 @@ def test_one_episode_names_nothing_and_says_what_to_record():
     assert "second episode" in verdict.experiment
 
 
+def test_one_episode_without_any_effect_says_what_to_record_too():
+    verdict = decide([judged("quadratic_drag", 0.5 * LEAST_GAIN)], P, 0.0, 1)
+    assert (verdict.outcome, verdict.judged) == (Outcome.NONE, ())
+    assert "one motion" in verdict.reason
+    assert "second motion" in verdict.experiment
+
+
 def test_structure_that_nothing_fits_is_unexplained():
     verdict = decide([judged("quadratic_drag", 1.0)], P, 2 * STRUCTURE_GAIN, 2)
     assert (verdict.outcome, verdict.judged) == (Outcome.UNEXPLAINED, ())

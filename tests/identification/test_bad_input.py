@@ -141,6 +141,17 @@ def test_evaluation_refuses_another_unit_and_no_controllers():
             evaluate_twin(twin, make())
 
 
+def test_evaluation_refuses_another_object():
+    twin = build(sheet_episode())
+    episode = sheet_episode()
+    # The sheet stands upright, hand and all.
+    upright = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]], np.float32).T
+    raised = np.float32([0, 0, 0.3])
+    other = episode_of(episode.points @ upright + raised, episode.controllers @ upright + raised)
+    with pytest.raises(EpisodeError, match=r"^synthetic: half of the points at rest lie \d+ mm or more from the twin"):
+        evaluate_twin(twin, other)
+
+
 def test_nan_is_a_point_not_seen():
     # Of one point one coordinate is NaN from frame 20 on, another is never seen, a third only in frame 0.
     episode = hidden(slice(None), slice(1))()

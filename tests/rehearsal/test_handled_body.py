@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from egophys_core.errors import SimulationError
 from egophys_core.rehearsal import RehearsalObject, RehearsalOptions
 from egophys_core.rehearsal.bodies import make_body
 from egophys_core.rehearsal.engine import FlexEngine
@@ -196,3 +197,14 @@ def test_plastic_stretch_stays_when_the_load_is_gone():
     for _ in range(2000):
         engine.step()
     assert np.ptp(engine.positions[:, 0]) == pytest.approx(1.05 * width, rel=5e-3)
+
+
+def test_a_body_that_diverges_is_one_error_and_leaves_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    engine = FlexEngine(make_body(SHEET, 0), step=0.0004, pressing=0, folding=False)
+    engine.step()
+    engine.step()
+    engine.forces[:] = 1e30
+    with pytest.raises(SimulationError, match=r"diverged at t=0\.001 s; plant a smaller effect"):
+        engine.step()
+    assert not list(tmp_path.iterdir())

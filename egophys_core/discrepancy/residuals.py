@@ -19,7 +19,7 @@ from egophys_core.discrepancy.observer import RATE, Pull
 from egophys_core.episode import Episode
 from egophys_core.identification import FitProblem, prepare
 from egophys_core.identification.rest_shape import farthest_points, observed_at_rest
-from egophys_core.simulation import Controls, batch_of_models, rollout, with_actions
+from egophys_core.simulation import LANES, Controls, batch_of_models, rollout, with_actions
 from egophys_core.twin import ObjectModel
 
 BLOCK_S = 0.2
@@ -171,17 +171,21 @@ def residuals(
     it diverged.
 
     Args:
-        progress: called with the share done.
+        progress: called with the share done; may raise to stop.
     """
-
-    def of_some(some: Sequence[ObjectModel]) -> list[np.ndarray]:
-        return _of_each(observations, lambda each: _left_in_blocks(each, *track_offsets(each, some)))
-
-    parts = []
-    for first in range(0, len(models), BATCH):
-        parts.append(of_some(models[first : first + BATCH]))
-        progress(min(1.0, (first + BATCH) / len(models)))
-    return [np.concatenate(each) for each in zip(*parts, strict=True)]
+    size = _rollouts_together(len(observations), len(models))
+    parts = [models[first : first + size] for first in range(0, len(models), size)]
+    jobs = [(each, part) for part in parts for each in observations]
+    found: list[np.ndarray] = []
+    with ThreadPoolExecutor(_cores()) as pool:
+        try:
+            for each in pool.map(lambda job: _left_in_blocks(job[0], *track_offsets(*job)), jobs):
+                found.append(each)
+                progress(len(found) / len(jobs))
+        finally:
+            # `progress` may raise to stop: nothing is begun any more.
+            pool.shutdown(wait=False, cancel_futures=True)
+    return [np.concatenate(found[index :: len(observations)]) for index in range(len(observations))]
 
 
 def residuals_with(
@@ -189,13 +193,19 @@ def residuals_with(
 ) -> list[np.ndarray]:
     """As `residuals`, of one model with each of the actions in turn."""
     models, single = [model] * len(actions), [(action,) for action in actions]
-    return _of_each(observations, lambda each: _left_in_blocks(each, *track_offsets(each, models, actions=single)))
+    return [_left_in_blocks(each, *track_offsets(each, models, actions=single)) for each in observations]
 
 
-def _of_each(observations: Sequence[Observation], compute: Callable[[Observation], np.ndarray]) -> list[np.ndarray]:
-    """The results of all episodes, computed side by side."""
-    with ThreadPoolExecutor(max(1, len(os.sched_getaffinity(0)))) as pool:
-        return list(pool.map(compute, observations))
+def _rollouts_together(episodes: int, models: int) -> int:
+    """How many models of an episode are simulated together: whole lane groups, so that no core idles at last."""
+    groups = -(-min(models, BATCH) // LANES)
+    shares = 1 if episodes % _cores() == 0 else _cores()
+    return LANES * max(1, -(-groups // shares))
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
 
 
 def _left_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:

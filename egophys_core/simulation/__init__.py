@@ -4,11 +4,13 @@ from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.effects import ForceEffect
 from egophys_core.simulation.frames import into_world
+from egophys_core.simulation.lanes import LANES
 from egophys_core.simulation.loads import with_actions
 from egophys_core.simulation.model_batch import batch_of_models, spring_order
 from egophys_core.simulation.rollout import Rollout, rollout
 
 __all__ = [
+    "LANES",
     "ContactKind",
     "Controls",
     "ForceEffect",

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from egophys_core.discrepancy import residuals as residuals_module
 from egophys_core.discrepancy.observer import RATE
 from egophys_core.discrepancy.residuals import PATCHES, block_means, observe, residuals, track_offsets
 from tests.discrepancy.rehearsed import WIND, episodes, sheet
@@ -44,3 +45,30 @@ def test_episodes_side_by_side_are_as_one_after_the_other():
     alone = [residuals([each], [sheet()])[0] for each in observations]
     for one, other in zip(together, alone, strict=True):
         assert np.array_equal(one, other, equal_nan=True)
+
+
+@pytest.mark.parametrize("cores", [1, 2, 3])
+def test_models_are_as_one_after_the_other_on_any_number_of_cores(cores, monkeypatch):
+    monkeypatch.setattr(residuals_module, "_cores", lambda: cores)
+    observations = [observe(sheet(), episode) for episode in episodes()]
+    models = [replace(sheet(), parameters=replace(sheet().parameters, drag=0.1 * row)) for row in range(19)]
+    shares = []
+    together = residuals(observations, models, progress=shares.append)
+    assert shares[-1] == 1.0
+    for row in (0, 8, 18):
+        for one, other in zip(together, residuals(observations, [models[row]]), strict=True):
+            assert np.array_equal(one[row], other[0], equal_nan=True)
+
+
+def test_progress_may_stop_and_nothing_is_begun_any_more(monkeypatch):
+    begun = []
+    monkeypatch.setattr(residuals_module, "_cores", lambda: 1)
+    monkeypatch.setattr(residuals_module, "track_offsets", lambda each, models: begun.append(models) or (None, None))
+    monkeypatch.setattr(residuals_module, "_left_in_blocks", lambda *left: np.zeros((1, 1, 1, 3)))
+
+    def stop(share):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        residuals([observe(sheet(), episodes()[0])], [sheet()] * 32 * 20, progress=stop)
+    assert len(begun) < 20

@@ -26,8 +26,8 @@ STEP, FRAME = 0.00025, 0.01
 SETTLING = 4.0
 """Seconds from lying straight to hanging between the hands, before a record."""
 
-MARKERS, HELD = 13, 2
-"""Along the whole cable; at each end of them in a hand."""
+FREE_MARKERS = 9
+"""Evenly spread between the hands. Each hand holds the cable's last piece, and is seen at both ends of that."""
 
 NOISE = 0.0002
 """Metres, of a marker's place."""
@@ -122,16 +122,17 @@ def record(hanging: Hanging, *, seconds: float, drag: float = 0.0, delay: float 
             )
             _put(data, hanging(frame * FRAME + step * STEP))
             mujoco.mj_step(model, data)
-    seen = np.array(places)[:, np.linspace(0, PIECES, MARKERS).round().astype(int)]
+    free = np.linspace(1, PIECES - 1, FREE_MARKERS + 2)[1:-1].round().astype(int)
+    seen = np.array(places)[:, [0, 1, *free, PIECES - 1, PIECES]]
     return _episode(hanging.name, seen, round(delay / FRAME), np.random.default_rng(seed))
 
 
 def _episode(name: str, seen: np.ndarray, early: int, random: np.random.Generator) -> Episode:
-    """Markers [T, M, 3] with noise, the first and last of them held; those of the hands some frames early."""
+    """Markers [T, M, 3] with noise; the first and last two are held, and some frames early."""
     noisy = (seen + random.normal(0.0, NOISE, seen.shape)).astype(np.float32)
     frames = len(noisy) - early
-    points = noisy[:frames, HELD:-HELD]
-    held = np.concatenate([noisy[early:, :HELD], noisy[early:, -HELD:]], axis=1)
+    points = noisy[:frames, 2:-2]
+    held = np.concatenate([noisy[early:, :2], noisy[early:, -2:]], axis=1)
     return Episode(
         name=name,
         times=FRAME * np.arange(frames),

@@ -17,9 +17,10 @@ from egophys_core.simulation import Controls
 LEAD_FRAMES = 3
 """Frames simulated before the first contact: at rest nothing can be learnt, and a few let the object settle."""
 
-ANOTHER_OBJECT = 0.05
-"""Median distance of the points at rest to the placed twin, over its size, from which they show something else: 0.017
-to 0.026 for the same object, 0.04 for another toy of its size and shape, 0.06 and more for other objects."""
+ANOTHER_OBJECT, LEAST_APART = 0.65, 0.012
+"""Median distance of the points at rest to the placed twin, over its spacing and in metres, from which they show
+something else: 0.25 (6 mm) for the same object, 0.4 (9 mm) for another toy of its size and shape, 0.84 (17 mm) and more
+for other objects."""
 
 FEWEST_CONTACT_FRAMES = 5
 """Train frames with contact below which there is nothing to fit."""
@@ -86,7 +87,7 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
     resting = observed_at_rest(episode, hands)[1]
     pose = place(positions[surface], resting, spacing=spacing)
     start = placed(positions, pose, positions[surface].mean(axis=0))
-    _require_same_object(episode.name, start[surface], resting)
+    _require_same_object(episode.name, start[surface], resting, spacing)
     return FitProblem(
         episode=episode,
         hands=hands,
@@ -96,17 +97,16 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
     )
 
 
-def _require_same_object(name: str, surface: np.ndarray, resting: np.ndarray) -> None:
+def _require_same_object(name: str, surface: np.ndarray, resting: np.ndarray, spacing: float) -> None:
     """Check that points at rest [P, 3] lie on the placed surface nodes [S, 3], metres.
 
     Raises:
         EpisodeError: they do not.
     """
     apart = float(np.median(cKDTree(surface).query(resting)[0]))
-    size = float(np.linalg.norm(np.ptp(surface, axis=0)))
-    if apart > ANOTHER_OBJECT * size:
+    if apart > max(ANOTHER_OBJECT * spacing, LEAST_APART):
         raise EpisodeError(
-            f"{name}: half of the points at rest lie {1e3 * apart:.0f} mm or more from the twin, which is "
-            f"{1e3 * size:.0f} mm across, however it is turned on the table; this is another object, or it starts "
-            "folded or on another side: build a twin of this episode (egophys build), or record it as the twin lies"
+            f"{name}: half of the points at rest lie {1e3 * apart:.0f} mm or more from the nearest node of the twin, "
+            "however it is turned on the table; this is another object, or it starts folded or on another side: build "
+            "a twin of this episode (egophys build), or record the object as it lay for the twin"
         )

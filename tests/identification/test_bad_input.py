@@ -143,12 +143,9 @@ def test_evaluation_refuses_another_unit_and_no_controllers():
 
 def test_evaluation_refuses_another_object():
     twin = build(sheet_episode())
-    episode = sheet_episode()
-    # The sheet stands upright, hand and all.
-    upright = np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]], np.float32).T
-    raised = np.float32([0, 0, 0.3])
-    other = episode_of(episode.points @ upright + raised, episode.controllers @ upright + raised)
-    with pytest.raises(EpisodeError, match=r"^synthetic: half of the points at rest lie \d+ mm or more from the twin"):
+    # A sheet three times as large.
+    other = scaled(3.0)()
+    with pytest.raises(EpisodeError, match=r"^synthetic: half of the points at rest lie \d+ mm or more from"):
         evaluate_twin(twin, other)
 
 

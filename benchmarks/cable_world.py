@@ -26,8 +26,8 @@ STEP, FRAME = 0.00025, 0.01
 SETTLING = 4.0
 """Seconds from lying straight to hanging between the hands, before a record."""
 
-FREE_MARKERS = 9
-"""Evenly spread between the hands. Each hand holds the cable's last piece, and is seen at both ends of that."""
+FREE_MARKERS, HELD = 9, 2
+"""Evenly spread between the hands; at each end of them, where a hand holds the last piece by both its ends."""
 
 NOISE = 0.0002
 """Metres, of a marker's place."""
@@ -131,8 +131,8 @@ def _episode(name: str, seen: np.ndarray, early: int, random: np.random.Generato
     """Markers [T, M, 3] with noise; the first and last two are held, and some frames early."""
     noisy = (seen + random.normal(0.0, NOISE, seen.shape)).astype(np.float32)
     frames = len(noisy) - early
-    points = noisy[:frames, 2:-2]
-    held = np.concatenate([noisy[early:, :2], noisy[early:, -2:]], axis=1)
+    points = noisy[:frames, HELD:-HELD]
+    held = np.concatenate([noisy[early:, :HELD], noisy[early:, -HELD:]], axis=1)
     return Episode(
         name=name,
         times=FRAME * np.arange(frames),

@@ -91,6 +91,10 @@ class Observation:
         return self.problem.controls.part(slice(self.first, None))
 
 
+Job = tuple[Observation, Sequence[ObjectModel], Sequence[tuple[Action, ...]] | None]
+"""Rollouts that are simulated together: in an episode, of some models, and per model what else acts on it."""
+
+
 def observe(model: ObjectModel, episode: Episode) -> Observation:
     """Place the twin in an episode.
 
@@ -175,17 +179,9 @@ def residuals(
     """
     size = _rollouts_together(len(observations), len(models))
     parts = [models[first : first + size] for first in range(0, len(models), size)]
-    jobs = [(each, part) for part in parts for each in observations]
-    found: list[np.ndarray] = []
-    with ThreadPoolExecutor(_cores()) as pool:
-        try:
-            for each in pool.map(lambda job: _left_in_blocks(job[0], *track_offsets(*job)), jobs):
-                found.append(each)
-                progress(len(found) / len(jobs))
-        finally:
-            # `progress` may raise to stop: nothing is begun any more.
-            pool.shutdown(wait=False, cancel_futures=True)
-    return [np.concatenate(found[index :: len(observations)]) for index in range(len(observations))]
+    found = _side_by_side([(each, part, None) for part in parts for each in observations], progress)
+    of_parts = [found[first : first + len(observations)] for first in range(0, len(found), len(observations))]
+    return [np.concatenate(each) for each in zip(*of_parts, strict=True)]
 
 
 def residuals_with(
@@ -193,7 +189,20 @@ def residuals_with(
 ) -> list[np.ndarray]:
     """As `residuals`, of one model with each of the actions in turn."""
     models, single = [model] * len(actions), [(action,) for action in actions]
-    return [_left_in_blocks(each, *track_offsets(each, models, actions=single)) for each in observations]
+    return _side_by_side([(each, models, single) for each in observations])
+
+
+def _side_by_side(jobs: Sequence[Job], progress: Callable[[float], None] = lambda share: None) -> list[np.ndarray]:
+    """Per job [K, B, Q, 3] metres. `progress` may raise to stop: nothing is begun any more."""
+    found: list[np.ndarray] = []
+    with ThreadPoolExecutor(_cores()) as pool:
+        try:
+            for each in pool.map(lambda job: _left_in_blocks(job[0], *track_offsets(*job[:2], actions=job[2])), jobs):
+                found.append(each)
+                progress(len(found) / len(jobs))
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+    return found
 
 
 def _rollouts_together(episodes: int, models: int) -> int:

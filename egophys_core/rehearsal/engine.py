@@ -33,6 +33,8 @@ def load_mujoco() -> ModuleType:
         raise EgophysError(
             "rehearsing needs the package mujoco, which is not installed: pip install egophys[rehearsal]"
         ) from error
+    # By default MuJoCo writes its warnings to a file where it is run; `FlexEngine.step` says what diverged.
+    mujoco.set_mju_user_warning(lambda message: None)
     return mujoco
 
 
@@ -41,8 +43,6 @@ class FlexEngine:
 
     def __init__(self, body: SoftBody, *, step: float, pressing: int, folding: bool) -> None:
         self._mujoco = load_mujoco()
-        # By default MuJoCo writes its warnings to a file where it is run; `step` says what diverged.
-        self._mujoco.set_mju_user_warning(lambda message: None)
         self._model: Any = self._mujoco.MjModel.from_xml_string(_scene(body, step, pressing, folding))
         self._data: Any = self._mujoco.MjData(self._model)
         self._mujoco.mj_forward(self._model, self._data)

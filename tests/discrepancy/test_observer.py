@@ -63,7 +63,9 @@ def test_models_are_as_one_after_the_other_on_any_number_of_cores(cores, monkeyp
 def test_progress_may_stop_and_nothing_is_begun_any_more(monkeypatch):
     begun = []
     monkeypatch.setattr(residuals_module, "_cores", lambda: 1)
-    monkeypatch.setattr(residuals_module, "track_offsets", lambda each, models: begun.append(models) or (None, None))
+    monkeypatch.setattr(
+        residuals_module, "track_offsets", lambda each, models, **_: begun.append(models) or (None, None)
+    )
     monkeypatch.setattr(residuals_module, "_left_in_blocks", lambda *left: np.zeros((1, 1, 1, 3)))
 
     def stop(share):
@@ -72,3 +74,7 @@ def test_progress_may_stop_and_nothing_is_begun_any_more(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         residuals([observe(sheet(), episodes()[0])], [sheet()] * 32 * 20, progress=stop)
     assert len(begun) < 20
+
+
+def test_no_model_has_no_residuals():
+    assert residuals([observe(sheet(), episodes()[0])], []) == []

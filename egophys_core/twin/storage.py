@@ -41,7 +41,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
             arrays = {key: archive[key] for key in archive.files}
         header: dict[str, Any] = json.loads(arrays.pop("header").tobytes())
         version = header["format_version"]
-    except (ValueError, TypeError, KeyError, OSError, EOFError, zipfile.BadZipFile, json.JSONDecodeError) as error:
+    except (ValueError, TypeError, KeyError, OSError, EOFError, RuntimeError, zipfile.BadZipFile) as error:
         raise TwinError(
             f"{name} is not a twin file, or it is cut ({error}); build it again with egophys build"
         ) from error

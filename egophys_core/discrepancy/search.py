@@ -21,7 +21,7 @@ WORTH_REFITTING = LEAST_GAIN / 6.0
 FINER = 0.7
 """Of the scale of the residuals: where an effect leaves less, all are judged again by what it leaves."""
 
-ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",)}
+ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",), ObjectKind.ROD: ()}
 """Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
 
 ALWAYS_IN_A_CLAMP = ("viscoelasticity",)

@@ -7,6 +7,7 @@ from egophys_core.simulation.frames import into_world
 from egophys_core.simulation.lanes import LANES
 from egophys_core.simulation.loads import with_actions
 from egophys_core.simulation.model_batch import batch_of_models, spring_order
+from egophys_core.simulation.rod_bending import longest_retardation
 from egophys_core.simulation.rollout import Rollout, rollout
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "RolloutBatch",
     "batch_of_models",
     "into_world",
+    "longest_retardation",
     "rollout",
     "spring_order",
     "with_actions",

@@ -94,6 +94,11 @@ class RolloutBatch:
         """Number of rollouts K."""
         return len(self.parameters)
 
+    @property
+    def effect_rates(self) -> np.ndarray:
+        """[K, 2] bounds of what effects add to omega^2, 1/s^2, and to damping rates, 1/s."""
+        return sum((effect.rates for effect in self.effects if effect.rates is not None), np.zeros((self.count, 2)))
+
     def part(self, rows: np.ndarray) -> "RolloutBatch":
         """Some rollouts as a batch of their own, without the springs that none of them has."""
         part = self.rows(rows)
@@ -120,7 +125,7 @@ class RolloutBatch:
             velocities=self.velocities[rows],
             parameters=tuple(self.parameters[row] for row in rows),
             controls=tuple(self.controls[row] for row in rows),
-            effects=tuple(replace(effect, numbers=effect.numbers[rows]) for effect in self.effects),
+            effects=tuple(effect.rows(rows) for effect in self.effects),
             actions=tuple(self.actions[row] for row in rows) if self.actions else (),
             frames=None if self.frames is None else self.frames[rows],
         )

@@ -1,6 +1,6 @@
 """The hook for forces that the base simulator lacks: they are composed into its kernels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -22,3 +22,10 @@ class ForceEffect:
     add_forces: wp.Function
     numbers: np.ndarray
     """[K, P_e] float32, the effect's parameters in SI units, in the order it reads them."""
+    rates: np.ndarray | None = None
+    """[K, 2] largest omega^2, 1/s^2, and damping rate, 1/s, of what it adds, if that asks for shorter substeps."""
+
+    def rows(self, rows: np.ndarray) -> "ForceEffect":
+        """The effect in some rollouts, in this order."""
+        rates = None if self.rates is None else self.rates[rows]
+        return replace(self, numbers=self.numbers[rows], rates=rates)

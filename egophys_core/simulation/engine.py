@@ -227,11 +227,12 @@ class Engine:
             for row in range(self.batch.count)
         )
         grips, columns = self.grips_of(updated)
-        stiffness, damping = (
+        of_springs = [
             largest_eigenvalues(self.springs, grips, self.parameters.masses, self.batch.count, damping=kind)
             for kind in (False, True)
-        )
-        rates = tuple(zip(stiffness.tolist(), damping.tolist(), strict=True))
+        ]
+        # The largest eigenvalue of a sum is at most the sum of the largest ones.
+        rates = tuple(map(tuple, (np.stack(of_springs, axis=1) + self.batch.effect_rates).tolist()))
         return Segment(
             attachments=updated,
             columns=tuple(columns),

@@ -11,8 +11,10 @@ from egophys_core.discrepancy.effects.effect import Action, Body
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import Controls
+from egophys_core.simulation.effects import ForceEffect
 from egophys_core.simulation.frames import into_world
 from egophys_core.simulation.loads import with_actions
+from egophys_core.simulation.rod_bending import rod_bending
 from egophys_core.simulation.springs import UNLIMITED
 from egophys_core.twin import ObjectKind, ObjectModel, SpringKind, resting_height
 
@@ -59,13 +61,14 @@ def batch_of_models(
         longest_extensions[row, columns[structural]] = (
             model.parameters.strain_limit * model.graph.rest_lengths[structural]
         )
+    masses = np.stack([_loaded(body, each) for body, each in zip(bodies, controls, strict=True)])
     batch = RolloutBatch(
         springs=np.stack([union // nodes, union % nodes], axis=1).astype(np.int32),
         stiffness=stiffness,
         damping=damping,
         rest_lengths=rest_lengths,
         longest_extensions=longest_extensions,
-        masses=np.stack([_loaded(body, each) for body, each in zip(bodies, controls, strict=True)]),
+        masses=masses,
         positions=np.stack(positions).astype(np.float32),
         velocities=np.zeros((len(models), nodes, 3), np.float32),
         rest_positions=first.graph.positions,
@@ -73,11 +76,20 @@ def batch_of_models(
             replace(model.parameters, gravity=body.gravity) for model, body in zip(models, bodies, strict=True)
         ),
         controls=tuple(_driven(model, each) for model, each in zip(models, controls, strict=True)),
+        effects=_bending(models, masses),
         flat=first.kind == ObjectKind.SHEET,
         ground_height=ground_height,
         frames=frames,
     )
     return with_actions(batch, tuple(_actions(model) for model in models))
+
+
+def _bending(models: Sequence[ObjectModel], masses: np.ndarray) -> tuple[ForceEffect, ...]:
+    """What rods of masses [K, N] kg resist besides being stretched."""
+    if models[0].kind != ObjectKind.ROD:
+        return ()
+    lengths = np.stack([model.graph.rest_lengths for model in models])
+    return (rod_bending([model.parameters for model in models], lengths, masses),)
 
 
 def _loaded(body: Body, controls: Controls) -> np.ndarray:

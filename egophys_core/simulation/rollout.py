@@ -98,7 +98,7 @@ def _fastest_rates(batch: RolloutBatch) -> np.ndarray:
     ends = (batch.springs.ravel(), np.repeat(np.arange(springs), 2))
     touching = coo_matrix((np.ones(2 * springs), ends), shape=(batch.masses.shape[1], springs)).tocsr()
     rates = [2 * ((touching @ weights.T).T / batch.masses).max(axis=1) for weights in (batch.stiffness, batch.damping)]
-    return np.array([stable_substeps(1.0, *row) for row in zip(*rates, strict=True)])
+    return np.array([stable_substeps(1.0, *row) for row in np.stack(rates, axis=1) + batch.effect_rates])
 
 
 def _run(batch: RolloutBatch, longest_substep: float, device: str) -> Rollout:

@@ -1,7 +1,7 @@
 """The twin of an object: its spring graph, parameters, provenance, and its file."""
 
 from egophys_core.twin.graph import SpringGraph, SpringKind, bridge_components, connect, connected_components
-from egophys_core.twin.model import ObjectKind, ObjectModel, per_kind, resting_height
+from egophys_core.twin.model import ObjectKind, ObjectModel, chain, per_kind, resting_height
 from egophys_core.twin.parameters import GRAVITY, PhysicalParameters
 from egophys_core.twin.storage import decode_twin, encode_twin, load_twin, save_twin
 from egophys_core.twin.twin import Provenance, Twin
@@ -16,6 +16,7 @@ __all__ = [
     "SpringKind",
     "Twin",
     "bridge_components",
+    "chain",
     "connect",
     "connected_components",
     "decode_twin",

@@ -21,6 +21,9 @@ class ObjectKind(StrEnum):
     """Towel, cloth, bag: bending springs, strain limit, ground projection."""
     SOLID = "solid"
     """Plush toy: filled inside, no bending springs, drag instead of strain limit."""
+    ROD = "rod"
+    """Cable, rope: the nodes of its centre line one after the other, a spring from each to the next; it resists bending
+    as a line does, not by springs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +43,8 @@ class ObjectModel:
             raise TwinError(
                 f"stiffness must be ({len(self.graph.springs)},), one per spring, got {self.stiffness.shape}"
             )
+        if self.kind == ObjectKind.ROD and not np.array_equal(self.graph.springs, chain(len(self.graph.positions))):
+            raise TwinError("the springs of a rod must link each node to the next, in order")
         if not (np.isfinite(self.stiffness).all() and (self.stiffness > 0).all()):
             raise TwinError(f"stiffness must be finite and positive, got a minimum of {self.stiffness.min()} N/m")
 
@@ -50,9 +55,18 @@ class ObjectModel:
 
     @property
     def node_masses(self) -> np.ndarray:
-        """[N] float32, kg: the total mass in equal parts."""
+        """[N] float32, kg: the total mass in equal parts; a rod's as its length is."""
         nodes = len(self.graph.positions)
+        if self.kind == ObjectKind.ROD:
+            halves = np.pad(self.graph.rest_lengths / 2.0, 1)
+            shares = (halves[:-1] + halves[1:]) / halves.sum() / 2.0
+            return (self.parameters.total_mass * shares).astype(np.float32)
         return np.full(nodes, self.parameters.total_mass / nodes, np.float32)
+
+
+def chain(nodes: int) -> np.ndarray:
+    """[N - 1, 2] int32: each of N nodes and the next."""
+    return np.stack([np.arange(nodes - 1), np.arange(1, nodes)], axis=1).astype(np.int32)
 
 
 def resting_height(kind: ObjectKind, positions: np.ndarray) -> float:

@@ -35,6 +35,10 @@ class PhysicalParameters:
     """Tensile strain beyond which a structural spring softens (paper, strain-limiting equation)."""
     compression_ratio: float = 1.0
     """Stiffness of a spring that is pressed over that of one that is pulled, 0..1: cloth wrinkles between its nodes."""
+    flexural_rigidity: float = 0.0
+    """Of a rod: bending moment over curvature, N m^2 (E I)."""
+    retardation_time: float = 0.0
+    """Of a rod, seconds: a moment of this times the flexural rigidity times the rate of curvature damps its bending."""
     restitution: float = 0.0
     """Share of the normal speed kept in a bounce off the table, 0..1."""
     friction: float = 0.5

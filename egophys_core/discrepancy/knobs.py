@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.discrepancy.effects import Effect, Parameter, TwinEffect, effect_named
+from egophys_core.simulation import longest_retardation
 from egophys_core.twin import ObjectKind, ObjectModel, SpringKind
 from egophys_core.twin.parameters import GRAVITY
 
@@ -58,6 +59,8 @@ def base_knobs(model: ObjectModel, *, clamped: bool) -> tuple[Knob, ...]:
     Args:
         clamped: whether the object is held in a clamp, not by a hand: then how much it sags tells how stiff it is.
     """
+    if model.kind == ObjectKind.ROD:
+        return _rod_knobs(model)
     node_mass = model.parameters.total_mass / len(model.graph.positions)
     top_damping = 5.0 if model.kind == ObjectKind.SHEET else 30.0
     # A template of a stiff material is built beyond these bounds; they then move with it.
@@ -79,6 +82,19 @@ def base_knobs(model: ObjectModel, *, clamped: bool) -> tuple[Knob, ...]:
         # weighs, how stiff it is and how firmly it is held are one thing there: its sag is evidence for nothing.
         knobs.append(_number("gravity", 0.5 * GRAVITY, 1.2 * GRAVITY, step=0.5, unit="m/s^2"))
     return tuple(knobs)
+
+
+def _rod_knobs(model: ObjectModel) -> tuple[Knob, ...]:
+    """How a rod resists bending and how it is damped; it hardly stretches, and its clamps do not give way."""
+    length = float(model.graph.rest_lengths.sum())
+    # A rod of these rigidities bends under its own weight within 1 % of its length, and within all of it.
+    low, high = (model.parameters.total_mass * GRAVITY * share**3 * length**2 for share in (0.01, 1.0))
+    longest = longest_retardation(model.parameters.flexural_rigidity, model.graph.rest_lengths, model.node_masses)
+    return (
+        _number("flexural_rigidity", low, high, step=0.1, unit="N m^2", logarithmic=True),
+        _number("retardation_time", min(1e-5, longest / 2.0), longest, step=0.5, unit="s", logarithmic=True),
+        _number("drag", 0.0, 20.0, step=0.2, unit="1/s"),
+    )
 
 
 def effect_knobs(effect: Effect) -> tuple[Knob, ...]:

@@ -2,7 +2,7 @@
 
 Held points stand for a clamp: the layer of the lattice nearest to them is its face, and moves with them as one piece.
 A node in the middle of the other end's face carries a load; neither it nor markers weigh anything. What is slender is a
-rod (`rods.py`): straight at rest, however it is bent where it is first seen.
+rod (`rods.py`), a line instead of a lattice: straight at rest, however it is bent where it is first seen.
 """
 
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ from egophys_core.errors import EpisodeError
 from egophys_core.identification.clamps import carried_by_clamps, clamp_groups, rigid_fit, stands_still
 from egophys_core.identification.contact import Contact, Hand
 from egophys_core.identification.problem import FitProblem
-from egophys_core.identification.rods import SLENDER, THICKNESSES, Chain, bend_to, find_chain, is_rod
+from egophys_core.identification.rods import PIECES, SLENDER, Chain, bend_to, find_chain, rod_nodes
 from egophys_core.identification.statics import equilibrium
 from egophys_core.identification.template import Lattice, Template, box_template, cut, lattice
 from egophys_core.simulation import ContactKind, Controls
-from egophys_core.twin import GRAVITY, ObjectModel, SpringGraph, SpringKind
+from egophys_core.twin import GRAVITY, ObjectKind, ObjectModel, SpringGraph, SpringKind, chain
 
 MOST_MARKERS = 12
 """Tracks up to which an episode is one of markers: fewer than the patches of a seen surface."""
@@ -29,8 +29,11 @@ MOST_MARKERS = 12
 ANCHORS = 6
 """Nodes of the lattice that a marker hangs on."""
 
-ROD_CELLS = (60, 2, 2)
-"""Along and across a rod: five between markers, as few across as resist bending."""
+NODES_OF_A_CLAMP = 2
+"""Of a rod, which a clamp holds (`rods.rod_nodes`)."""
+
+SECTION_OF_A_ROD = 1e-4
+"""m^2, across a rod that no template describes: whatever it is, the rod moves alike."""
 
 SAME_PLACE = 1e-6
 """Metres within which nodes have no way between them, which a spring needs."""
@@ -58,12 +61,17 @@ NO_TABLE = 10.0
 class MarkerBody:
     """A template placed in an episode."""
 
+    kind: ObjectKind
+    """A solid, or a rod."""
     graph: SpringGraph
-    """The lattice, then a node in the middle of its end face at +x, then one for each marker."""
+    """The lattice, then a node in the middle of its end face at +x, then one for each marker; or a rod's nodes."""
     grasp: np.ndarray
-    """[C + P + G, 3] metres: the episode's held points, then its markers in frame 0, then the clamped nodes."""
+    """[C + P + G, 3] metres: the episode's held points, then its markers in frame 0, then the clamped nodes. Of a rod
+    they lie on its axis."""
     spacing: float
-    """Metres, edge of a cubic cell of the lattice."""
+    """Metres, edge of a cubic cell of the lattice, or length of a piece of the rod."""
+    volume: float
+    """m^3."""
     length: float
     """Metres that are free."""
     notes: tuple[str, ...]
@@ -75,22 +83,19 @@ def is_sparse(episode: Episode) -> bool:
     return episode.points.shape[1] <= MOST_MARKERS
 
 
-def marker_bodies(episode: Episode, template: Template | None) -> list[MarkerBody]:
-    """The bodies that an object may have: one bar, or rods of several thicknesses where markers lie along a rod.
+def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
+    """What an object is that an episode shows: a rod where markers lie along one, else a template, or a bar.
 
     Raises:
         EpisodeError: no held points, or the markers do not tell a direction.
     """
     held, tracks = _first_places(episode)
     slender = template is None or template.length >= SLENDER * template.size[1:].max()
-    chain = find_chain(held, clamp_groups(episode.controllers), tracks) if slender else None
-    if chain is None:
-        return [marker_body(episode, template)]
-    length = chain.length if chain.has_far_clamp or template is None else max(chain.length, template.length)
-    return [_rod_body(held, tracks, chain, length, share * length) for share in THICKNESSES]
+    along = find_chain(held, clamp_groups(episode.controllers), tracks) if slender else None
+    return _bar_body(episode, template) if along is None else _rod_body(held, tracks, along, template)
 
 
-def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
+def _bar_body(episode: Episode, template: Template | None) -> MarkerBody:
     """Place a template, by default a bar as long and thick as the markers say, where an episode shows the object.
 
     The first clamp is at the template's -x end, a second one, if its centre is nearer to the other end, at +x.
@@ -138,20 +143,33 @@ def _first_places(episode: Episode) -> tuple[np.ndarray, np.ndarray]:
     return episode.controllers[0].astype(np.float64), episode.points[0].astype(np.float64)
 
 
-def _rod_body(held: np.ndarray, tracks: np.ndarray, chain: Chain, length: float, thickness: float) -> MarkerBody:
+def _rod_body(held: np.ndarray, tracks: np.ndarray, along: Chain, template: Template | None) -> MarkerBody:
     """A rod, straight from where it is first free on, with all that was recorded on its axis."""
-    template = box_template(length, thickness, thickness)
-    cells = lattice(template, held_ends=(True, chain.has_far_clamp), counts=ROD_CELLS)
-    frame = _axes(tracks[-1] - held[0])
-    begin = held[int(np.abs(chain.reaches[: len(held)]).argmin())]
-    straight = begin + chain.reaches[:, None] * frame[0]
-    notes = [
-        f"a rod: {1000 * length:.1f} mm of it are free, along the curve through held points and markers, straight at "
-        f"rest; {1000 * thickness:.2g} mm thick in effect"
-    ]
-    layers = [0, int(cells.layers.max())] if chain.has_far_clamp else [0]
-    centre = begin + frame[0] * length / 2
-    return _body(template, cells, layers, frame, centre, straight[: len(held)], straight[len(held) :], notes)
+    length = along.length if along.has_far_clamp or template is None else max(along.length, template.length)
+    reaches, clamped = rod_nodes(along, len(held), length)
+    begin = held[int(np.abs(along.reaches[: len(held)]).argmin())]
+    axis = tracks[-1] - held[0]
+    axis /= np.linalg.norm(axis)
+    nodes = begin + reaches[:, None] * axis
+    section = SECTION_OF_A_ROD if template is None else float(np.prod(template.size[1:]))
+    return MarkerBody(
+        kind=ObjectKind.ROD,
+        graph=SpringGraph(
+            positions=nodes.astype(np.float32),
+            springs=chain(len(nodes)),
+            kinds=np.full(len(nodes) - 1, SpringKind.STRUCTURAL, np.uint8),
+            rest_lengths=np.diff(reaches).astype(np.float32),
+            surface=np.ones(len(nodes), bool),
+        ),
+        grasp=np.concatenate([begin + along.reaches[:, None] * axis, nodes[clamped]]).astype(np.float32),
+        spacing=length / PIECES,
+        volume=section * float(np.ptp(reaches)),
+        length=length,
+        notes=(
+            f"a rod: {1000 * length:.1f} mm of it are free, along the curve through held points and markers, straight "
+            "at rest",
+        ),
+    )
 
 
 def _body(
@@ -179,9 +197,11 @@ def _body(
     end = np.array([template.length / 2, *last[1:]]) @ frame + centre
     graph = _graph(nodes, cells, np.concatenate([[end], tracks]))
     return MarkerBody(
+        kind=ObjectKind.SOLID,
         graph=graph,
         grasp=np.concatenate([held, tracks, nodes[np.isin(cells.layers, held_layers)]]).astype(np.float32),
         spacing=cells.spacing,
+        volume=cells.spacing**3 * len(graph.positions),
         length=template.length,
         notes=tuple(notes),
     )
@@ -206,7 +226,8 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     nodes = model.graph.positions.astype(np.float64)
     held, tracks = episode.controllers[0].astype(np.float64), episode.points[0].astype(np.float64)
     known = count + markers
-    own = len(grasp) > known and np.allclose(nodes[-markers:], grasp[count:known], atol=OWN_MARKERS)
+    bound = _nodes_of_markers(model, grasp[count:known])
+    own = _has_room_for(model, grasp, known) and np.allclose(nodes[bound], grasp[count:known], atol=OWN_MARKERS)
     if not own or not np.isfinite(tracks).all():
         raise EpisodeError(
             f"{episode.name}: the twin needs its {markers} markers in view in the first frame and its {count} held "
@@ -215,7 +236,7 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     onset = find_onset(episode)
     shown = _from_onset(episode, onset)
     recorded, clamped = grasp[:known].astype(np.float64), grasp[known:].astype(np.float64)
-    if is_rod(recorded):
+    if model.kind == ObjectKind.ROD:
         bend = bend_to(recorded, np.concatenate([shown.controllers[0], onset.markers]))
         start, clamped = bend.place(nodes), bend.place(clamped)
     else:
@@ -234,7 +255,7 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
         episode=shown,
         hands=(hand,),
         start=start.astype(np.float32),
-        bound=np.arange(len(nodes) - markers, len(nodes)),
+        bound=bound,
         controls=Controls(
             times=shown.times,
             positions=driven.astype(np.float32),
@@ -242,6 +263,22 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
             payload=_payload(model, markers, load),
         ),
     )
+
+
+def _nodes_of_markers(model: ObjectModel, markers: np.ndarray) -> np.ndarray:
+    """[P] the node that each marker [P, 3] is: of a lattice the last ones, of a rod the one at its place."""
+    nodes = model.graph.positions
+    if model.kind == ObjectKind.ROD:
+        return np.asarray(cKDTree(nodes).query(markers)[1])
+    return np.arange(len(nodes) - len(markers), len(nodes))
+
+
+def _has_room_for(model: ObjectModel, grasp: np.ndarray, known: int) -> bool:
+    """Whether a twin may have been built from so many recorded points: the others are its clamped nodes."""
+    if model.kind != ObjectKind.ROD:
+        return len(grasp) > known
+    far_clamp = np.array_equal(grasp[-1], model.graph.positions[-1])
+    return len(grasp) == known + NODES_OF_A_CLAMP * (1 + far_clamp)
 
 
 def _spread(points: np.ndarray) -> float:
@@ -323,6 +360,7 @@ def turned(body: MarkerBody, known: int, *, pitch: float, yaw: float) -> MarkerB
         body,
         graph=replace(body.graph, positions=nodes.astype(np.float32)),
         grasp=grasp.astype(np.float32),
+        notes=(*body.notes, f"it is turned {1000 * pitch:.1f} mrad up and {1000 * yaw:.1f} mrad to its left"),
     )
 
 
@@ -403,11 +441,13 @@ def _bent(model: ObjectModel, placed: np.ndarray, clamped: np.ndarray, tracks: n
 
 
 def _payload(model: ObjectModel, markers: int, load: float) -> np.ndarray:
-    """[N] kg that nodes carry beside equal masses: a load in N at the end; what hangs on the cells weighs nothing.
+    """[N] kg that nodes carry beside their own masses: a load in N at the end; what hangs on cells weighs nothing.
 
     Instead of it the cells around it are lighter: what markers would add to the end of a beam slows it by percents.
     """
     positions, hung = model.graph.positions, markers + 1
+    if model.kind == ObjectKind.ROD:
+        return np.append(np.zeros(len(positions) - 1), load / GRAVITY)
     anchors = _anchors(positions[:-hung], positions[-hung:])
     shares = np.bincount(anchors.ravel(), minlength=len(positions)) / anchors.shape[1]
     payload = -model.node_masses.astype(np.float64) * np.minimum(shares, MOST_RELIEF)

@@ -1,8 +1,7 @@
 """Rods: slender objects, as a cable, straight at rest and bent in every record along the curve of what is seen.
 
 Held points and markers of a cable lie on its centre line, one after the other, and tell its curve in a frame: a spline
-through them. How thick a cable is hardly matters, only how far it bends under its own weight; so it is a bar of some
-effective thickness, as long as the curve, that hardly stretches.
+through them. Its twin is its centre line, as long as the curve, which hardly stretches and resists bending.
 """
 
 from dataclasses import dataclass
@@ -27,17 +26,17 @@ ALIGNED = 0.7
 FLAT = 0.2
 """Width over length of a clamp's held points up to which they lie on a line."""
 
-STRETCH = 0.01
+STRETCH = 0.001
 """Share by which a rod that hangs down freely is longer than at rest."""
 
-THICKNESSES = np.geomspace(0.002, 0.08, 16)
-"""Effective ones over the length: rods that bend under their own weight within a thirtieth to a third of it."""
+PIECES = 30
+"""Into which the free length of a rod is cut: three and more between markers."""
+
+SHORTEST_PIECE = 0.25
+"""Of a usual piece: what was recorded nearer to each other shares a node, or steps would have to be too short."""
 
 FINE = 20
 """Places per station at which a curve is measured."""
-
-ONE_LINE = 1e-5
-"""Metres that recorded points of a twin lie away from one line if it is a rod's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,14 +85,34 @@ def find_chain(held: np.ndarray, clamps: list[np.ndarray], tracks: np.ndarray) -
     )
 
 
-def modulus_of_rod(length: float, density: float) -> float:
-    """Young's modulus in Pa of a rod that hardly stretches: its own weight makes it longer by `STRETCH`."""
-    return density * GRAVITY * length / (2.0 * STRETCH)
+def axial_stiffness(mass_per_length: float, length: float) -> float:
+    """EA in N of a rod, kg/m and metres, that hardly stretches: its own weight makes it longer by `STRETCH`."""
+    return mass_per_length * GRAVITY * length / (2.0 * STRETCH)
 
 
-def is_rod(recorded: np.ndarray) -> bool:
-    """Whether the recorded points [K, 3] of a twin lie on one line, as a rod's do, which is straight at rest."""
-    return bool(np.linalg.svd(recorded - recorded.mean(axis=0), compute_uv=False)[1] < ONE_LINE)
+def rod_nodes(chain: Chain, held: int, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where a rod has nodes: where it is free from on, at its markers, and evenly between.
+
+    A clamp holds the node where the rod is free from on and one a piece farther in, and so the rod's direction.
+
+    Args:
+        held: how many points are held.
+        length: metres that are free.
+
+    Returns:
+        [N] reaches in metres, and [N] whether a clamp holds the node.
+    """
+    piece = length / PIECES
+    clamped = np.array([-piece, 0.0, *([length, length + piece] if chain.has_far_clamp else [])])
+    stops = np.concatenate([clamped, chain.reaches[held:], [] if chain.has_far_clamp else [length]])
+    order = np.argsort(stops)
+    station = np.cumsum(np.diff(stops[order], prepend=-np.inf) > SHORTEST_PIECE * piece) - 1
+    stations = np.bincount(station, stops[order]) / np.bincount(station)
+    is_clamped = np.bincount(station, order < len(clamped)) > 0
+    counts = np.maximum(np.round(np.diff(stations) / piece), 1).astype(int)
+    at = np.concatenate([[0], np.cumsum(counts)])
+    nodes = np.arange(at[-1] + 1)
+    return np.interp(nodes, at, stations), np.isin(nodes, at[is_clamped])
 
 
 @dataclass(frozen=True, kw_only=True)

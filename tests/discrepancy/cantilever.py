@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.identification.marker_fit import marker_model
+from egophys_core.identification.marker_unknowns import marker_model
 from egophys_core.identification.markers import MarkerBody, marker_body, place_markers
 from egophys_core.identification.template import parse_template
 from egophys_core.simulation import batch_of_models, rollout

@@ -18,13 +18,8 @@ from egophys_core.discrepancy.residuals import block_means, residuals, track_off
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError, SimulationError
 from egophys_core.identification import evaluate_twin, observed_contacts, place_twin
-from egophys_core.identification.marker_fit import (
-    MarkerFit,
-    MarkerSearch,
-    build_marker_twin,
-    marker_errors,
-    marker_model,
-)
+from egophys_core.identification.marker_fit import MarkerFit, MarkerSearch, build_marker_twin, marker_errors
+from egophys_core.identification.marker_unknowns import marker_model
 from egophys_core.identification.markers import MarkerBody, find_onset, marker_body, place_markers, turned
 from egophys_core.identification.statics import stiffness_matrix
 from egophys_core.identification.template import parse_template

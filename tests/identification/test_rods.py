@@ -7,14 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
-from scipy.optimize import brentq
 
+from egophys_core.discrepancy.knobs import base_knobs
 from egophys_core.episode import Episode
-from egophys_core.identification.marker_fit import MarkerSearch, build_marker_twin, marker_model
-from egophys_core.identification.markers import marker_bodies, place_markers
-from egophys_core.identification.rods import bend_to, find_chain, is_rod, modulus_of_rod
-from egophys_core.identification.template import parse_template, stiffness_of_modulus
+from egophys_core.errors import EpisodeError, OptionsError
+from egophys_core.identification.marker_fit import build_marker_twin
+from egophys_core.identification.marker_unknowns import rod_model
+from egophys_core.identification.markers import marker_body, place_markers
+from egophys_core.identification.rods import PIECES, Chain, bend_to, find_chain, rod_nodes
+from egophys_core.identification.template import parse_template
 from egophys_core.simulation import batch_of_models, rollout
+from egophys_core.twin import GRAVITY, ObjectKind
 from tests.discrepancy.cantilever import HELD, TRACKS
 from tests.identification.hanging_cable import LENGTH, curve, record_of
 
@@ -90,92 +93,146 @@ def test_beyond_the_outermost_points_a_rod_is_straight() -> None:
     assert bend.place(np.array([[0.5, 0.0, 0.01]])) == pytest.approx(np.array([[0.5, 0.0, 0.51]]))
 
 
+@pytest.mark.parametrize(("held_first", "held_last"), [(2, 2), (1, 1), (3, 0), (1, 0)])
+def test_nodes_lie_at_markers_and_evenly_between_and_clamps_hold_two(held_first: int, held_last: int) -> None:
+    points = curve(13)
+    end = 13 - held_last
+    held = np.concatenate([points[:held_first], points[end:]])
+    clamps = [each for each in np.split(np.arange(len(held)), [held_first]) if len(each)]
+    along = find_chain(held, clamps, points[held_first:end])
+    assert along is not None
+    reaches, clamped = rod_nodes(along, len(held), along.length)
+    piece = along.length / PIECES
+    assert np.abs(reaches[:, None] - along.reaches[len(held) :]).min(axis=0) == pytest.approx(0.0, abs=1e-12)
+    far = [along.length, along.length + piece] if held_last else []
+    assert reaches[clamped] == pytest.approx([-piece, 0.0, *far], abs=1e-9)
+    assert np.diff(reaches) == pytest.approx(piece, rel=0.35)
+
+
+def test_markers_side_by_side_share_a_node() -> None:
+    near = 0.1 * LENGTH / PIECES
+    along = Chain(reaches=np.array([-0.02, 0.0, 0.3, 0.3 + near, LENGTH]), length=LENGTH, has_far_clamp=False)
+    reaches, _ = rod_nodes(along, 2, LENGTH)
+    assert np.diff(reaches).min() > 0.25 * LENGTH / PIECES
+    assert np.abs(reaches - 0.3 - near / 2).min() == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_rod_is_straight_at_rest_and_begins_as_it_is_seen() -> None:
     episode = record_of(curve(13), held_first=2, held_last=2)
-    bodies = marker_bodies(episode, None)
-    assert len(bodies) > 1
-    body = bodies[5]
-    known = 4 + 9
-    assert is_rod(body.grasp[:known].astype(np.float64))
-    model = marker_model(body, density=1000.0, stiffness=100.0, damping=1e-4, drag=1.0)
+    body = marker_body(episode, None)
+    assert body.kind == ObjectKind.ROD
+    model = rod_model(body, density=1000.0, rigidity=0.01, retardation_time=0.01, drag=1.0)
     problem = place_markers(model, body.grasp, episode)
     assert problem.start[problem.bound] == pytest.approx(episode.points[0], abs=1e-5)
-    axis = np.linalg.svd(body.grasp[:known] - body.grasp[:known].mean(axis=0))[2][0]
-    assert np.ptp(body.graph.positions @ axis) == pytest.approx(LENGTH * 10 / 12, rel=2e-3)
+    axis = np.linalg.svd(body.grasp - body.grasp.mean(axis=0))[2][0]
+    assert np.ptp(body.graph.positions @ axis) == pytest.approx(LENGTH * 10 / 12 * (1 + 2 / PIECES), rel=2e-3)
+    assert np.linalg.norm(np.cross(body.graph.positions - body.graph.positions[0], axis), axis=1).max() < 1e-5
 
 
-def test_a_template_says_how_far_a_free_end_reaches() -> None:
+@pytest.mark.parametrize("fewer", ["markers", "held"])
+def test_a_record_of_fewer_markers_or_held_points_is_refused(fewer: str) -> None:
+    points = curve(13)
+    body = marker_body(record_of(points, held_first=2, held_last=2), None)
+    model = rod_model(body, density=1000.0, rigidity=0.01, retardation_time=0.01, drag=1.0)
+    other = {
+        "markers": record_of(np.delete(points, 5, axis=0), held_first=2, held_last=2),
+        "held": record_of(points[:-2], held_first=2, held_last=0),
+    }[fewer]
+    with pytest.raises(EpisodeError, match="is it a twin of these markers"):
+        place_markers(model, body.grasp, other)
+
+
+def test_a_template_says_how_far_a_free_end_reaches_and_what_it_weighs() -> None:
     episode = record_of(curve(8), held_first=2, held_last=0)
-    [free, *_] = marker_bodies(episode, parse_template("box:0.85x0.01x0.01"))
-    assert free.length == pytest.approx(0.85)
-    [bar] = marker_bodies(episode, parse_template("box:0.85x0.2x0.2"))
-    assert len(bar.graph.positions) != len(free.graph.positions)
+    free = marker_body(episode, parse_template("box:0.85x0.01x0.01"))
+    assert (free.kind, free.length) == (ObjectKind.ROD, pytest.approx(0.85))
+    whole = float(free.graph.rest_lengths.sum())
+    assert free.volume == pytest.approx(whole * 0.01**2)
+    assert marker_body(episode, parse_template("box:0.85x0.2x0.2")).kind == ObjectKind.SOLID
 
 
-@pytest.mark.parametrize(("thickness", "stiffer"), [(9, 300.0), (12, 40.0), (15, 30.0)])
-def test_a_rod_hangs_as_an_elastica(thickness: int, stiffer: float) -> None:
-    """EI theta'' = w (L - s) cos(theta), clamped level at s = 0, free at L; EI by the tip's height alone.
+def test_a_load_on_a_rod_of_unknown_weight_is_refused() -> None:
+    episode = record_of(curve(8), held_first=2, held_last=0)
+    with pytest.raises(OptionsError, match="give its size"):
+        build_marker_twin([episode], None, loads={episode.name: 0.1})
 
-    Love, Treatise on the Mathematical Theory of Elasticity (1927), ch. 19. Markers' heights and reaches then follow to
-    1 % of the length, of which 1 % is the stretch that a rod is allowed.
+
+def test_a_load_hangs_at_the_free_end() -> None:
+    episode = record_of(curve(8), held_first=2, held_last=0)
+    body = marker_body(episode, parse_template("box:0.85x0.01x0.01"))
+    model = rod_model(body, density=1000.0, rigidity=0.01, retardation_time=0.01, drag=1.0)
+    payload = place_markers(model, body.grasp, episode, load=0.5).controls.payload
+    assert payload is not None
+    assert payload[-1] == pytest.approx(0.5 / GRAVITY)
+    assert (payload[:-1] == 0.0).all()
+
+
+@pytest.mark.parametrize("bending_length", [0.04, 0.1, 0.2])
+def test_a_rod_hangs_as_an_elastica(bending_length: float) -> None:
+    """EI theta'' = w (L - s) cos(theta), clamped level, free at L; (EI / w)^(1/3) is the bending length.
+
+    Love, Treatise on the Mathematical Theory of Elasticity (1927), ch. 19. At its clamp a rod bends from half a piece
+    before the last held node on.
     """
     length, count = 0.5, 8
     level = np.stack([np.linspace(-length / 6, length, count), np.zeros(count), np.ones(count)], axis=1)
-    episode = record_of(level, held_first=2, held_last=0, frames=300)
-    body = marker_bodies(episode, None)[thickness]
-    search = MarkerSearch(body, [episode], {}, 1000.0)
-    rate = np.log(stiffer * stiffness_of_modulus(modulus_of_rod(body.length, 1000.0), body.spacing) / search.node_mass)
-    fit = search.at(np.array([rate, np.log(1e-5), 15.0, 0.0, 0.0]))
-    problem = fit.problems[0]
-    result = rollout(batch_of_models([fit.model], [problem.controls], starts=[problem.start], ground_height=-10.0))
+    episode = record_of(level, held_first=2, held_last=0, frames=400)
+    body = marker_body(episode, None)
+    model = rod_model(body, density=1000.0, rigidity=GRAVITY * bending_length**3, retardation_time=0.001, drag=8.0)
+    problem = place_markers(model, body.grasp, episode)
+    result = rollout(batch_of_models([model], [problem.controls], starts=[problem.start], ground_height=-10.0))
     result.raise_on_failure()
     places = result.positions[0][-1, problem.bound] - level[1]
-
-    def elastica(bending_length: float) -> np.ndarray:
-        """[S, 2] metres along and up at the markers; (EI / w)^(1/3) is the bending length."""
-        ways = np.linspace(0.0, body.length, 200)
-        solved = solve_bvp(
-            lambda s, y: np.stack([y[1], (body.length - s) * np.cos(y[0]) / bending_length**3]),
-            lambda start, end: np.array([start[0], end[1]]),
-            ways,
-            np.stack([-1.5 * (1.0 - np.exp(-ways / bending_length)), np.zeros(len(ways))]),
-            max_nodes=20_000,
-        )
-        slope = solved.sol(ways)[0]
-        step = ways[1]
-        along, up = (
-            np.concatenate([[0.0], np.cumsum(step * (each[1:] + each[:-1]) / 2)])
-            for each in (np.cos(slope), np.sin(slope))
-        )
-        at = np.linspace(0.0, body.length, count - 1)[1:]
-        return np.stack([np.interp(at, ways, along), np.interp(at, ways, up)], axis=1)
-
-    tip = float(places[-1, 2])
-    found = brentq(lambda each: elastica(each)[-1, 1] - tip, 0.03 * length, 2.0 * length)
-    assert places[:, [0, 2]] == pytest.approx(elastica(found), abs=0.01 * length)
-    assert tip < -0.2 * length
+    half = 0.5 * body.spacing
+    whole = body.length + half
+    ways = np.linspace(0.0, whole, 400)
+    solved = solve_bvp(
+        lambda s, y: np.stack([y[1], (whole - s) * np.cos(y[0]) / bending_length**3]),
+        lambda start, end: np.array([start[0], end[1]]),
+        ways,
+        np.stack([-1.5 * (1.0 - np.exp(-ways / bending_length)), np.zeros(len(ways))]),
+        max_nodes=20_000,
+    )
+    slope = solved.sol(ways)[0]
+    along, up = (
+        np.concatenate([[0.0], np.cumsum(ways[1] * (each[1:] + each[:-1]) / 2)])
+        for each in (np.cos(slope), np.sin(slope))
+    )
+    at = half + np.linspace(0.0, body.length, count - 1)[1:]
+    elastica = np.stack([np.interp(at, ways, along) - half, np.interp(at, ways, up)], axis=1)
+    assert places[:, [0, 2]] == pytest.approx(elastica, abs=0.006 * length)
+    assert places[-1, 2] < -0.2 * length
 
 
-def test_an_error_of_thickness_and_stiffness_is_found() -> None:
-    """What our simulator does with a rod is recovered: its record is followed by the twin that is built from it."""
-    planted = _swinging(record_of(curve(9), held_first=2, held_last=2, frames=150))
-    twin = build_marker_twin([planted], None)
-    way = np.ptp(planted.points, axis=0).max()
-    assert way > 0.05
-    assert twin.provenance.settings["rmse_m"] < 0.02 * way
+def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
+    """What our simulator does with a rod is recovered."""
+    moved = _moved(record_of(curve(9), held_first=2, held_last=2, frames=200))
+    body = marker_body(moved, None)
+    planted = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
+    problem = place_markers(planted, body.grasp, moved)
+    result = rollout(batch_of_models([planted], [problem.controls], starts=[problem.start], ground_height=-10.0))
+    result.raise_on_failure()
+    twin = build_marker_twin([replace(moved, points=result.positions[0][:, problem.bound])], None)
+    assert np.ptp(result.positions[0], axis=0).max() > 0.05
+    assert twin.provenance.settings["rmse_m"] < 1e-3
+    found = twin.model.parameters
+    assert found.flexural_rigidity == pytest.approx(planted.parameters.flexural_rigidity, rel=0.03)
+    assert found.retardation_time == pytest.approx(0.015, rel=0.15)
+    assert found.drag == pytest.approx(0.5, abs=0.1)
     assert "rod" in twin.provenance.settings["assumed"][0]
 
 
-def _swinging(episode: Episode) -> Episode:
-    """The cable as our simulator swings it when one hand goes up and down."""
-    lift = 0.08 * np.sin(2.0 * np.pi * 0.9 * episode.times)
+def test_knobs_of_a_rod_are_those_that_are_searched() -> None:
+    body = marker_body(record_of(curve(9), held_first=2, held_last=2), None)
+    model = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
+    knobs = base_knobs(model, clamped=True)
+    assert [knob.read(model) for knob in knobs] == pytest.approx([model.parameters.flexural_rigidity, 0.015, 0.5])
+    softer = knobs[0].to(model, knobs[0].position_of(0.5 * model.parameters.flexural_rigidity))
+    assert softer.parameters.flexural_rigidity == pytest.approx(0.5 * model.parameters.flexural_rigidity)
+
+
+def _moved(episode: Episode) -> Episode:
+    """One hand goes up and down."""
     held = episode.controllers.copy()
-    held[:, 2:, 2] += lift[:, None].astype(np.float32)
-    moved = replace(episode, controllers=held)
-    body = marker_bodies(moved, None)[8]
-    rate = stiffness_of_modulus(modulus_of_rod(body.length, 1000.0), body.spacing)
-    model = marker_model(body, density=1000.0, stiffness=float(rate), damping=1e-5 * float(rate), drag=2.0)
-    problem = place_markers(model, body.grasp, moved)
-    result = rollout(batch_of_models([model], [problem.controls], starts=[problem.start], ground_height=-10.0))
-    result.raise_on_failure()
-    return replace(moved, points=result.positions[0][:, problem.bound])
+    held[:, 2:, 2] += (0.08 * np.sin(2.0 * np.pi * 0.9 * episode.times))[:, None].astype(np.float32)
+    return replace(episode, controllers=held)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
-from egophys_core.identification.clamps import carried_by_clamps, clamp_groups, rigid_fit, stands_still
+from egophys_core.identification.clamps import carried_by_clamps, clamp_groups, rigid_fit, smoothed_clamps, stands_still
 from egophys_core.identification.contact import Contact, Hand
 from egophys_core.identification.problem import FitProblem
 from egophys_core.identification.rods import PIECES, SLENDER, Chain, bend_to, find_chain, rod_nodes
@@ -237,14 +237,18 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     shown = _from_onset(episode, onset)
     recorded, clamped = grasp[:known].astype(np.float64), grasp[known:].astype(np.float64)
     if model.kind == ObjectKind.ROD:
-        bend = bend_to(recorded, np.concatenate([shown.controllers[0], onset.markers]))
+        # What is bent along a line passes every small turn of a clamp on.
+        hands = smoothed_clamps(shown.controllers.astype(np.float64), shown.times)
+        bend = bend_to(recorded, np.concatenate([hands[0], onset.markers]))
         start, clamped = bend.place(nodes), bend.place(clamped)
+        driven = carried_by_clamps(hands, clamped, still=0.0)
     else:
         seen = held if _spread(held) > WIDE else np.concatenate([held, tracks])
         turn, shift = rigid_fit(recorded[: len(seen)], seen)
         clamped = clamped @ turn.T + shift
         start = _bent(model, nodes @ turn.T + shift, clamped, onset.markers)
-    driven = np.concatenate([shown.controllers, carried_by_clamps(shown.controllers.astype(float), clamped)], axis=1)
+        driven = carried_by_clamps(shown.controllers.astype(np.float64), clamped)
+    driven = np.concatenate([shown.controllers, driven], axis=1)
     contact = np.full(driven.shape[:2], ContactKind.HOLD, np.uint8)
     contact[:, :count] = ContactKind.NONE
     hand = Hand(

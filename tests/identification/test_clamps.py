@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from egophys_core.identification.clamps import carried_by_clamps, clamp_groups, least_turn, rigid_fit, stands_still
+from egophys_core.identification.clamps import (
+    carried_by_clamps,
+    clamp_groups,
+    least_turn,
+    rigid_fit,
+    smoothed_clamps,
+    stands_still,
+)
 
 
 def test_points_that_come_near_but_move_apart_are_two_clamps() -> None:
@@ -64,3 +71,18 @@ def test_a_rigid_motion_is_found() -> None:
     found_turn, found_shift = rigid_fit(points, points @ turn.T + shift)
     assert found_turn == pytest.approx(turn)
     assert found_shift == pytest.approx(shift)
+
+
+def test_smoothing_takes_noise_and_leaves_what_hands_do() -> None:
+    times = np.arange(300) / 100.0
+    swing = np.zeros((300, 2, 3))
+    swing[:, :, 2] = 0.1 * np.sin(2.0 * np.pi * 1.5 * times)[:, None]
+    noise = np.random.default_rng(0).normal(0.0, 0.0002, swing.shape)
+    assert smoothed_clamps(swing, times) == pytest.approx(swing, abs=5e-4)
+    assert smoothed_clamps(noise, times)[10:-10].std() < 0.6 * noise[10:-10].std()
+
+
+def test_frames_that_are_far_apart_are_not_smoothed() -> None:
+    times = np.arange(30) / 30.0
+    held = np.random.default_rng(0).normal(0.0, 0.01, (30, 2, 3))
+    assert (smoothed_clamps(held, times) == held).all()

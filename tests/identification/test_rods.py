@@ -236,3 +236,17 @@ def _moved(episode: Episode) -> Episode:
     held = episode.controllers.copy()
     held[:, 2:, 2] += (0.08 * np.sin(2.0 * np.pi * 0.9 * episode.times))[:, None].astype(np.float32)
     return replace(episode, controllers=held)
+
+
+def test_a_rod_follows_a_clamp_that_turns_by_less_than_markers_slip() -> None:
+    """Two held points 20 mm apart, one of which moves by a millimetre: the rod's tip by a hundred."""
+    places = np.stack([np.array([-0.02, 0.0, 0.25, 0.5, 1.0]), *np.zeros((2, 5))], axis=1)
+    still = record_of(places, held_first=2, held_last=0, frames=100)
+    held = still.controllers.copy()
+    held[:, 0, 2] -= 0.001 * np.clip(still.times / still.times[50], 0.0, 1.0).astype(np.float32)
+    turned = replace(still, controllers=held)
+    body = marker_body(turned, None)
+    model = rod_model(body, density=1000.0, rigidity=0.01, retardation_time=0.01, drag=1.0)
+    driven = place_markers(model, body.grasp, turned).controls.positions[:, 2:]
+    way = driven[-1, 1] - driven[-1, 0]
+    assert np.arctan2(way[2], way[0]) == pytest.approx(0.05, abs=1e-3)

@@ -44,9 +44,6 @@ LONGEST_STEP = 3.0
 LEAST_GAIN = 1e-3
 """Share of the error that a step must save, or the refinement ends."""
 
-LOST = 1.0
-"""Metres by which what diverged misses all."""
-
 Progress = Callable[[str, float, float], None]
 
 
@@ -185,7 +182,8 @@ class MarkerSearch:
         steps = self.unknowns.steps
         sides = NUDGE * np.diag(steps)
         misses = marker_misses([self.at(each) for each in np.concatenate([[here], here + sides])])
-        slopes = (misses[1:] - misses[0]) / NUDGE
+        # What diverges when it is turned is left where it is.
+        slopes = np.nan_to_num((misses[1:] - misses[0]) / NUDGE, nan=0.0, posinf=0.0, neginf=0.0)
         squares, downhill = slopes @ slopes.T, -slopes @ misses[0]
         ways = [
             np.linalg.lstsq(squares + np.diag(damping * np.diag(squares)), downhill, rcond=None)[0]
@@ -197,13 +195,13 @@ class MarkerSearch:
 def marker_errors(fits: Sequence[MarkerFit]) -> np.ndarray:
     """[K] metres: root mean square distance of the markers in the train frames of all episodes; inf if diverged."""
     errors = np.linalg.norm(marker_misses(fits), axis=1)
-    return np.where(errors < LOST, errors, np.inf)
+    return np.where(np.isfinite(errors), errors, np.inf)
 
 
 def marker_misses(fits: Sequence[MarkerFit]) -> np.ndarray:
     """[K, M] metres, by which markers are missed in the train frames of all episodes, over the root of their number.
 
-    Their squares sum up to the mean square distance of a marker. One that diverged is `LOST`.
+    Their squares sum up to the mean square distance of a marker; not finite where a rollout diverged.
     """
     misses, count = [], 0
     for problems in zip(*(fit.problems for fit in fits), strict=True):
@@ -218,7 +216,6 @@ def marker_misses(fits: Sequence[MarkerFit]) -> np.ndarray:
         )
         observed = problems[0].episode.points[: len(controls[0].times)]
         seen = np.isfinite(observed).all(axis=2)
-        offsets = (result.positions[:, :, problems[0].bound] - observed[None])[:, seen].reshape(len(fits), -1)
-        misses.append(np.where(np.isfinite(offsets).all(axis=1, keepdims=True), offsets, LOST))
+        misses.append((result.positions[:, :, problems[0].bound] - observed[None])[:, seen].reshape(len(fits), -1))
         count += int(seen.sum())
     return np.concatenate(misses, axis=1).astype(np.float64) / np.sqrt(max(count, 1))

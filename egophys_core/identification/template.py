@@ -104,7 +104,7 @@ def cut(template: Template, before: float, after: float) -> Template:
     return replace(template, size=np.array([left, *template.size[1:]]), mesh=mesh)
 
 
-def lattice(template: Template, *, held_ends: tuple[bool, bool], counts: tuple[int, int, int] | None = None) -> Lattice:
+def lattice(template: Template, *, held_ends: tuple[bool, bool]) -> Lattice:
     """Fill a template with equal cells.
 
     At a held end, -x or +x, the first cells are cut in half by the end face, so that their centres lie on it; at a free
@@ -112,12 +112,11 @@ def lattice(template: Template, *, held_ends: tuple[bool, bool], counts: tuple[i
 
     Args:
         held_ends: whether its -x and its +x end are held.
-        counts: how many cells along x, y and z; by default about as long as wide.
 
     Raises:
         OptionsError: a mesh too thin for any cell's centre to lie inside.
     """
-    across, along = (np.array(counts[1:]), counts[0]) if counts else _cell_counts(template.size, sum(held_ends))
+    across, along = _cell_counts(template.size, sum(held_ends))
     edge = template.length / (along - 0.5 * sum(held_ends))
     x = -template.length / 2 + edge * (np.arange(along) + (0.0 if held_ends[0] else 0.5))
     axes = [x, *(_centres(width, count) for width, count in zip(template.size[1:], across, strict=True))]

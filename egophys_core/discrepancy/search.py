@@ -25,7 +25,7 @@ ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",), ObjectKind.R
 """Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
 
 ALWAYS_IN_A_CLAMP = ("viscoelasticity",)
-"""As well: a twin that swings in a clamp makes up with stiffness and damping for what relaxes, and slopes there see
+"""As well: a solid that swings in a clamp makes up with stiffness and damping for what relaxes, and slopes there see
 nothing of it (a silicone beam: it was not among the first five, and came second when it was refitted)."""
 
 
@@ -124,7 +124,8 @@ def _judged(
     """
     options = inquiry.options
     ranking, worth = survey.ranking(before.scale, shams=options.shams, seed=inquiry.seed)
-    always = ALWAYS_IN_A_CLAMP if inquiry.observations[0].free else ALWAYS[before.model.kind]
+    kind = before.model.kind
+    always = ALWAYS_IN_A_CLAMP if inquiry.observations[0].free and kind == ObjectKind.SOLID else ALWAYS[kind]
     chosen = {*(each.name for each in worth[: options.shortlist]), *always, *earlier}
     ended = contest(
         inquiry,

@@ -113,7 +113,7 @@ THE_SAME = {"constant_body_force", "gravity_tilt"}
 
 SCALES = {"viscoelasticity": "time", "hysteresis": "strain"}
 """Numbers at whose ends an effect is no longer itself: what relaxes at once is a damper, which a twin has, and what
-yields at once rubs. A cable whose bending is damped, as a twin's is not, gained 1072 for relaxation in 0.03 s."""
+yields at once rubs. A cable whose bending is damped, as a lattice's is not, gained 1072 for relaxation in 0.03 s."""
 
 EVENTS = ("grasp_slip",)
 """Effects that happen or not: a grip that slips in some episodes need not slip in others."""

@@ -116,16 +116,7 @@ def marker_model(body: MarkerBody, *, density: float, stiffness: float, damping:
     return ObjectModel(
         kind=ObjectKind.SOLID,
         graph=body.graph,
-        parameters=PhysicalParameters(
-            total_mass=density * body.volume,
-            stiffness=stiffness,
-            damping=damping,
-            drag=drag,
-            strain_limit=1e6,
-            controller_stiffness=GRIP * stiffness,
-            controller_radius=GRIP_RADIUS * body.spacing,
-            controller_neighbours=1,
-        ),
+        parameters=_parameters(body, density=density, stiffness=stiffness, damping=damping, drag=drag),
         stiffness=per_kind(body.graph, stiffness, 1.0),
     )
 
@@ -144,18 +135,27 @@ def rod_model(
     model = ObjectModel(
         kind=ObjectKind.ROD,
         graph=body.graph,
-        parameters=PhysicalParameters(
-            total_mass=density * body.volume,
-            stiffness=axial / body.spacing,
-            damping=0.0,
+        parameters=replace(
+            _parameters(body, density=density, stiffness=axial / body.spacing, damping=0.0, drag=drag),
             flexural_rigidity=rigidity * per_length,
-            drag=drag,
-            strain_limit=1e6,
-            controller_stiffness=GRIP * axial / body.spacing,
-            controller_radius=GRIP_RADIUS * body.spacing,
-            controller_neighbours=1,
         ),
         stiffness=(axial / lengths).astype(np.float32),
     )
     time = min(retardation_time, longest_retardation(rigidity * per_length, lengths, model.node_masses))
     return replace(model, parameters=replace(model.parameters, retardation_time=time))
+
+
+def _parameters(
+    body: MarkerBody, *, density: float, stiffness: float, damping: float, drag: float
+) -> PhysicalParameters:
+    """Of springs of one stiffness, N/m, and dashpot, N s/m, and of clamps, each point of which holds its own node."""
+    return PhysicalParameters(
+        total_mass=density * body.volume,
+        stiffness=stiffness,
+        damping=damping,
+        drag=drag,
+        strain_limit=1e6,
+        controller_stiffness=GRIP * stiffness,
+        controller_radius=GRIP_RADIUS * body.spacing,
+        controller_neighbours=1,
+    )

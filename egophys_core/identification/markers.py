@@ -92,18 +92,17 @@ def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
     held, tracks = _first_places(episode)
     slender = template is None or template.length >= SLENDER * template.size[1:].max()
     along = find_chain(held, clamp_groups(episode.controllers), tracks) if slender else None
-    return _bar_body(episode, template) if along is None else _rod_body(held, tracks, along, template)
+    return _bar_body(episode, held, tracks, template) if along is None else _rod_body(held, tracks, along, template)
 
 
-def _bar_body(episode: Episode, template: Template | None) -> MarkerBody:
+def _bar_body(episode: Episode, held: np.ndarray, tracks: np.ndarray, template: Template | None) -> MarkerBody:
     """Place a template, by default a bar as long and thick as the markers say, where an episode shows the object.
 
     The first clamp is at the template's -x end, a second one, if its centre is nearer to the other end, at +x.
 
     Raises:
-        EpisodeError: no held points, or the markers do not tell a direction.
+        EpisodeError: the markers do not tell a direction.
     """
-    held, tracks = _first_places(episode)
     clamps = [held[members].mean(axis=0) for members in clamp_groups(episode.controllers)]
     frame, near, span = _frame(episode, clamps, tracks)
     notes = []
@@ -118,13 +117,25 @@ def _bar_body(episode: Episode, template: Template | None) -> MarkerBody:
     along = [float((clamp - centre) @ frame[0]) for clamp in clamps]
     ends = (True, any(place > 0.25 * template.length for place in along))
     cells = lattice(template, held_ends=ends)
-    held_layers = {int(np.abs(_layer_places(cells) - place).argmin()) for place in along}
+    held_layers = [int(np.abs(_layer_places(cells) - place).argmin()) for place in along]
     towards = "the other clamp" if ends[1] else "the markers"
     notes.append(
         f"its first end lies at the clamp's centre and it points to {towards}, {1000 * span:.1f} mm from there; "
         f"{1000 * template.length:.1f} mm of it are free; its width is taken to be level"
     )
-    return _body(template, cells, sorted(held_layers), frame, centre, held, tracks, notes)
+    nodes = cells.nodes @ frame + centre
+    last = cells.nodes[cells.layers == cells.layers.max()].mean(axis=0)
+    end = np.array([template.length / 2, *last[1:]]) @ frame + centre
+    graph = _graph(nodes, cells, np.concatenate([[end], tracks]))
+    return MarkerBody(
+        kind=ObjectKind.SOLID,
+        graph=graph,
+        grasp=np.concatenate([held, tracks, nodes[np.isin(cells.layers, held_layers)]]).astype(np.float32),
+        spacing=cells.spacing,
+        volume=cells.spacing**3 * len(graph.positions),
+        length=template.length,
+        notes=tuple(notes),
+    )
 
 
 def _first_places(episode: Episode) -> tuple[np.ndarray, np.ndarray]:
@@ -169,41 +180,6 @@ def _rod_body(held: np.ndarray, tracks: np.ndarray, along: Chain, template: Temp
             f"a rod: {1000 * length:.1f} mm of it are free, along the curve through held points and markers, straight "
             "at rest",
         ),
-    )
-
-
-def _body(
-    template: Template,
-    cells: Lattice,
-    held_layers: Sequence[int],
-    frame: np.ndarray,
-    centre: np.ndarray,
-    held: np.ndarray,
-    tracks: np.ndarray,
-    notes: Sequence[str],
-) -> MarkerBody:
-    """The cells of a template in the world, with a node at its end and at each marker.
-
-    Args:
-        held_layers: of the lattice, that are clamped.
-        frame: [3, 3] axes of the template as rows.
-        centre: [3] metres, of the template.
-        held: [C, 3] metres.
-        tracks: [P, 3] metres.
-        notes: what was assumed.
-    """
-    nodes = cells.nodes @ frame + centre
-    last = cells.nodes[cells.layers == cells.layers.max()].mean(axis=0)
-    end = np.array([template.length / 2, *last[1:]]) @ frame + centre
-    graph = _graph(nodes, cells, np.concatenate([[end], tracks]))
-    return MarkerBody(
-        kind=ObjectKind.SOLID,
-        graph=graph,
-        grasp=np.concatenate([held, tracks, nodes[np.isin(cells.layers, held_layers)]]).astype(np.float32),
-        spacing=cells.spacing,
-        volume=cells.spacing**3 * len(graph.positions),
-        length=template.length,
-        notes=tuple(notes),
     )
 
 

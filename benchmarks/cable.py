@@ -57,10 +57,10 @@ def measure(planted: str) -> dict[str, Any]:
 
 def run() -> dict[str, Any]:
     """The keys of `results/cable.json`."""
-    kept = json.loads(RESULT.read_text())["cables"] if RESULT.exists() else {}
-    cables = {name: kept[name] for name in PLANTED if name in kept}
-    result = {"cables": cables, "held_out": MOTIONS[-1].name}
+    kept = json.loads(RESULT.read_text()) if RESULT.exists() else {"cables": {}}
+    kept["held_out"] = MOTIONS[-1].name
+    cables = kept["cables"]
     for name, row in side_by_side(measure, PLANTED):
         cables[name] = row
-        write_json(RESULT, result)
-    return result
+        write_json(RESULT, kept)
+    return {"cables": {name: cables[name] for name in PLANTED}, "held_out": kept["held_out"]}

@@ -23,8 +23,8 @@ DAMPING = 1e-3
 STEP, FRAME = 0.00025, 0.01
 """Seconds."""
 
-SETTLING = 4.0
-"""Seconds from lying straight to hanging between the hands, before a record."""
+SETTLING, SETTLING_DRAG = 4.0, 8.0
+"""Seconds from lying straight to hanging between the hands, before a record; 1/s, of a drag that brings it to rest."""
 
 FREE_MARKERS, HELD = 9, 2
 """Evenly spread between the hands; at each end of them, where a hand holds the last piece by both its ends."""
@@ -89,7 +89,7 @@ def record(hanging: Hanging, *, seconds: float, drag: float = 0.0, delay: float 
     Args:
         hanging: how the hands move.
         seconds: of the record.
-        drag: 1/m, acceleration over squared speed against it.
+        drag: 1/m, acceleration over squared speed against it, of each piece by its centre's.
         delay: seconds by which the hands' record is early.
         seed: of the markers' noise.
     """
@@ -100,16 +100,16 @@ def record(hanging: Hanging, *, seconds: float, drag: float = 0.0, delay: float 
     first = model.body("cB_first").id
     pieces = slice(first, first + PIECES)
     straight = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], [LENGTH, 0.0, 1.0, 0.0, 0.0]])
-    damping = model.dof_damping.copy()
-    model.dof_damping[6:] = 2.0 * DAMPING
+    masses = model.body_mass[pieces, None]
+    before = data.xipos[pieces].copy()
     for step in range(int(SETTLING / STEP)):
         share = min(step * STEP / (0.4 * SETTLING), 1.0)
         _put(data, straight + share * share * (3.0 - 2.0 * share) * (hanging(0.0) - straight))
-        if step * STEP > 0.7 * SETTLING:
-            model.dof_damping[:] = damping
+        speeds = (data.xipos[pieces] - before) / STEP
+        before = data.xipos[pieces].copy()
+        data.xfrc_applied[pieces, :3] = -SETTLING_DRAG * masses * speeds
         mujoco.mj_step(model, data)
     places = []
-    before = data.xipos[pieces].copy()
     for frame in range(round((seconds + delay) / FRAME)):
         last = data.body("cB_last")
         tip = last.xpos + last.xmat.reshape(3, 3)[:, 0] * LENGTH / PIECES
@@ -117,9 +117,7 @@ def record(hanging: Hanging, *, seconds: float, drag: float = 0.0, delay: float 
         for step in range(round(FRAME / STEP)):
             speeds = (data.xipos[pieces] - before) / STEP
             before = data.xipos[pieces].copy()
-            data.xfrc_applied[pieces, :3] = (
-                -drag * MASS / PIECES * np.linalg.norm(speeds, axis=1, keepdims=True) * speeds
-            )
+            data.xfrc_applied[pieces, :3] = -drag * masses * np.linalg.norm(speeds, axis=1, keepdims=True) * speeds
             _put(data, hanging(frame * FRAME + step * STEP))
             mujoco.mj_step(model, data)
     free = np.linspace(1, PIECES - 1, FREE_MARKERS + 2)[1:-1].round().astype(int)
@@ -152,6 +150,8 @@ def _put(data: Any, hands: np.ndarray) -> None:
 
 def _scene() -> str:
     piece = LENGTH / PIECES
+    # Half a ball at both ends of each is of the piece, too.
+    volume = np.pi * RADIUS**2 * piece + 4.0 / 3.0 * np.pi * RADIUS**3
     return f"""
 <mujoco>
   <extension><plugin plugin="mujoco.elasticity.cable"/></extension>
@@ -165,7 +165,7 @@ def _scene() -> str:
         <config key="twist" value="{MODULUS}"/><config key="bend" value="{MODULUS}"/><config key="vmax" value="0"/>
       </plugin>
       <joint kind="main" damping="{DAMPING}"/>
-      <geom type="capsule" size="{RADIUS}" density="{MASS / LENGTH / np.pi / RADIUS**2}" contype="0" conaffinity="0"/>
+      <geom type="capsule" size="{RADIUS}" density="{MASS / PIECES / volume}" contype="0" conaffinity="0"/>
     </composite>
   </worldbody>
   <equality>

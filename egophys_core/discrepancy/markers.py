@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from egophys_core.discrepancy.observed import ObservedTracks, smoothed
-from egophys_core.discrepancy.residuals import FEWEST_IN_BLOCK, Observation
+from egophys_core.discrepancy.residuals import BLOCK_S, FEWEST_IN_BLOCK, Observation
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import FitProblem
@@ -21,8 +21,9 @@ from egophys_core.twin import Twin
 FREE = 0.0
 """Rate of the observer, 1/s."""
 
-LEAST_BLOCK_S = 0.04
-"""Seconds of a block: a quarter of a swing of 6 Hz."""
+SWING_BLOCK_S = 0.04
+"""Seconds of a block of what swings in a still clamp: a quarter of a swing of 6 Hz. What hands move swings as slowly as
+they do, and what is off in one short block is off in the next: a cable that lacks nothing had a structure of 139."""
 
 NOT_TOLD_BY_A_STILL_CLAMP = (
     "tracking_offset",
@@ -56,7 +57,8 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
             "some swings"
         )
     count = problem.episode.points.shape[1]
-    block = max(LEAST_BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
+    mounted = stands_still(problem.controls.positions)
+    block = max(SWING_BLOCK_S if mounted else BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
     return Observation(
         problem=problem,
         tracks=_tracks(problem),
@@ -66,14 +68,14 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
         # Half a frame more, so that rounding moves no frame to the next block.
         blocks=np.floor((times + 0.5 * float(np.median(np.diff(times)))) / block).astype(int),
         rate=FREE,
+        mounted=mounted,
         record=episode,
     )
 
 
 def effects_untold(observations: Sequence[Observation]) -> tuple[str, ...]:
     """Effects that episodes cannot tell, to be left out of a diagnosis."""
-    still = all(stands_still(each.problem.controls.positions) for each in observations)
-    return NOT_TOLD_BY_A_STILL_CLAMP if still else ()
+    return NOT_TOLD_BY_A_STILL_CLAMP if all(each.mounted for each in observations) else ()
 
 
 def _tracks(problem: FitProblem) -> ObservedTracks:

@@ -58,6 +58,8 @@ class Observation:
     """[T] block of each frame, -1 before the first contact."""
     rate: float = RATE
     """w of its observers, 1/s; 0 for free rollouts."""
+    mounted: bool = False
+    """Whether a clamp holds it that stands still, and was set up anew for this record."""
     record: Episode | None = None
     """Of markers: the whole record, with what came before rollouts begin."""
 
@@ -139,6 +141,7 @@ def track_offsets(
         models,
         [observation.controls()] * count,
         starts=[problem.start] * count,
+        velocities=[problem.velocities] * count,
         ground_height=problem.episode.ground_height,
     )
     # Nothing draws free rollouts.
@@ -220,6 +223,9 @@ def _cores() -> int:
 def _left_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
     means = block_means(observation, offsets)
     found = np.full_like(means, np.inf)
-    left = beside_mounting if observation.free else innovations
-    found[~diverged] = left(means[~diverged])
+    if not observation.free:
+        means = innovations(means)
+    elif observation.mounted:
+        means = beside_mounting(means)
+    found[~diverged] = means[~diverged]
     return found

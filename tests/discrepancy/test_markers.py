@@ -14,7 +14,7 @@ from egophys_core.discrepancy.knobs import with_effect
 from egophys_core.discrepancy.markers import effects_untold, observe_markers
 from egophys_core.discrepancy.ranking import probe_effects
 from egophys_core.discrepancy.refit import median_size
-from egophys_core.discrepancy.residuals import block_means, residuals, track_offsets
+from egophys_core.discrepancy.residuals import BLOCK_S, block_means, residuals, track_offsets
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError, SimulationError
 from egophys_core.identification import evaluate_twin, observed_contacts, place_twin
@@ -83,6 +83,25 @@ def test_a_record_mounted_anew_says_as_much_of_the_swing(
     assert np.linalg.norm(offset) > 1e-3
     assert median_size(true) < 0.25 * np.linalg.norm(offset)
     assert median_size(wrong) > 2.0 * median_size(true)
+
+
+def test_what_hands_move_is_not_mounted_anew(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    """A steady offset counts in full, in blocks that are as long as those of what is seen as a surface."""
+    body, model, _ = cantilever
+    still = still_episode(frames=100)
+    hands = still.controllers + np.linspace(0.0, 0.1, 100, dtype=np.float32)[:, None, None]
+    found = []
+    for shift in (0.0, 0.003):
+        points = still.points.copy()
+        points[50:] += np.float32(shift)
+        observation = observe_markers(twin_of(body, model), replace(still, controllers=hands, points=points))
+        assert not observation.mounted
+        assert observation.block_count == round(still.times[-1] / BLOCK_S)
+        (blocks,) = residuals([observation], [model])[0][:, :, : len(TRACKS)]
+        found.append(blocks)
+    moved = found[1] - found[0]
+    assert moved[:2] == pytest.approx(0.0, abs=1e-5)
+    assert moved[3:] == pytest.approx(0.003, abs=1e-5)
 
 
 def test_a_twin_is_evaluated_at_its_markers(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:

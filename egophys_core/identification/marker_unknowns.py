@@ -24,6 +24,10 @@ SWING_GONE = 20.0
 SOME_DRAG = 1.0
 """1/s, first guess."""
 
+DRAGS_OF_A_ROD = (0.0, SOME_DRAG, 3.0, SWING_GONE)
+"""1/s, at which a rod's sag is looked at: hands move it, and without a swing it would follow them otherwise. With 1 and
+20 alone a cable that met a drag was taken for one 10 times as stiff, and one of early hands for 65 times."""
+
 GRIP = 5.0
 """Stiffness with which a clamped node is held over that of a spring; more asks for more substeps."""
 
@@ -51,14 +55,14 @@ class Unknowns:
     low: np.ndarray
     """[D] least numbers."""
     swing: np.ndarray
-    """[D] first guess of what swings; its stiffness is told by the sag."""
+    """[D] first guess of what swings; NaN where the sag tells it."""
     model: Callable[[np.ndarray], tuple[MarkerBody, ObjectModel]]
     """From numbers [D] to the body, placed as they say, and its model."""
 
     def about(self, numbers: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
         """[K, D] first guesses of the swing, of stiffnesses [K] times that of some numbers [D]."""
-        around = np.tile(self.swing, (len(stiffer), 1))
-        around[:, 0] = numbers[0] + np.log(stiffer)
+        around = np.tile(np.where(np.isnan(self.swing), numbers, self.swing), (len(stiffer), 1))
+        around[:, 0] += np.log(stiffer)
         return around
 
 
@@ -83,7 +87,7 @@ def lattice_unknowns(body: MarkerBody, known: int, density: float) -> Unknowns:
         steps=np.array([0.05, 0.7, 1.0, 0.005, 0.005]),
         low=np.array([-np.inf, -np.inf, 0.0, -np.inf, -np.inf]),
         sags=np.array([[rate, np.log(DAMPING_S), SWING_GONE, 0.0, 0.0] for rate in rates]),
-        swing=np.array([0.0, np.log(DAMPING_S), SOME_DRAG, 0.0, 0.0]),
+        swing=np.array([np.nan, np.log(DAMPING_S), SOME_DRAG, 0.0, 0.0]),
         model=model,
     )
 
@@ -103,10 +107,8 @@ def rod_unknowns(body: MarkerBody, density: float) -> Unknowns:
     return Unknowns(
         steps=np.array([0.1, 0.7, 0.3]),
         low=np.array([-np.inf, -np.inf, 0.0]),
-        sags=np.array(
-            [[each, np.log(DAMPING_RATIO), drag] for drag, each in product((SOME_DRAG, SWING_GONE), rigidities)]
-        ),
-        swing=np.array([0.0, np.log(DAMPING_RATIO), SOME_DRAG]),
+        sags=np.array([[each, np.log(DAMPING_RATIO), drag] for drag, each in product(DRAGS_OF_A_ROD, rigidities)]),
+        swing=np.array([np.nan, np.nan, np.nan]),
         model=model,
     )
 

@@ -32,6 +32,7 @@ def free_errors(observation: Observation, models: Sequence[ObjectModel]) -> list
         models,
         [observation.controls()] * len(models),
         starts=[problem.start] * len(models),
+        velocities=[problem.velocities] * len(models),
         ground_height=episode.ground_height,
     )
     result = rollout(batch)

@@ -98,8 +98,15 @@ def predict(model: ObjectModel, problem: FitProblem) -> np.ndarray:
     Raises:
         SimulationError: the rollout diverged.
     """
-    ground = problem.episode.ground_height
-    result = rollout(batch_of_models([model], [problem.controls], starts=[problem.start], ground_height=ground))
+    result = rollout(
+        batch_of_models(
+            [model],
+            [problem.controls],
+            starts=[problem.start],
+            velocities=[problem.velocities],
+            ground_height=problem.episode.ground_height,
+        )
+    )
     result.raise_on_failure()
     return result.positions[0]
 

@@ -211,6 +211,7 @@ def marker_misses(fits: Sequence[MarkerFit]) -> np.ndarray:
                 [fit.model for fit in fits],
                 controls,
                 starts=[problem.start for problem in problems],
+                velocities=[problem.velocities for problem in problems],
                 ground_height=problems[0].episode.ground_height,
             )
         )

@@ -16,6 +16,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.identification.clamps import carried_by_clamps, clamp_groups, rigid_fit, smoothed_clamps, stands_still
 from egophys_core.identification.contact import Contact, Hand
+from egophys_core.identification.first_motion import first_motion
 from egophys_core.identification.problem import FitProblem
 from egophys_core.identification.rods import PIECES, SLENDER, Chain, bend_to, find_chain, rod_nodes
 from egophys_core.identification.statics import equilibrium
@@ -189,7 +190,7 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     It is placed by its held points if they tell how a clamp is turned: a hand that still holds it back in frame 0
     bends it. Fewer of them tell it together with the markers of frame 0, as one rigid body. If it is let go at the
     start its episode begins where its swing first turns, and it begins bent as the markers say. A rod begins along
-    the curve through held points and markers.
+    the curve through held points and markers, as fast as these are.
 
     Args:
         grasp: of the twin, as in `MarkerBody`.
@@ -215,14 +216,15 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     if model.kind == ObjectKind.ROD:
         # What is bent along a line passes every small turn of a clamp on.
         hands = smoothed_clamps(shown.controllers.astype(np.float64), shown.times)
-        bend = bend_to(recorded, np.concatenate([hands[0], onset.markers]))
-        start, clamped = bend.place(nodes), bend.place(clamped)
+        seen, moving = first_motion(np.concatenate([shown.controllers, shown.points], axis=1), shown.times)
+        bend = bend_to(recorded, np.concatenate([hands[0], seen[count:]]), moving)
+        start, velocities, clamped = bend.place(nodes), bend.velocities(nodes), bend.place(clamped)
         driven = carried_by_clamps(hands, clamped, still=0.0)
     else:
         seen = held if _spread(held) > WIDE else np.concatenate([held, tracks])
         turn, shift = rigid_fit(recorded[: len(seen)], seen)
         clamped = clamped @ turn.T + shift
-        start = _bent(model, nodes @ turn.T + shift, clamped, onset.markers)
+        start, velocities = _bent(model, nodes @ turn.T + shift, clamped, onset.markers), np.zeros_like(nodes)
         driven = carried_by_clamps(shown.controllers.astype(np.float64), clamped)
     driven = np.concatenate([shown.controllers, driven], axis=1)
     contact = np.full(driven.shape[:2], ContactKind.HOLD, np.uint8)
@@ -235,6 +237,7 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
         episode=shown,
         hands=(hand,),
         start=start.astype(np.float32),
+        velocities=velocities.astype(np.float32),
         bound=bound,
         controls=Controls(
             times=shown.times,

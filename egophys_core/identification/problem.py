@@ -38,6 +38,8 @@ class FitProblem:
     """[P] surface node of each track, -1 for none."""
     controls: Controls
     """Over all frames of the episode."""
+    velocities: np.ndarray | None = None
+    """[N, 3] float32 m/s, of the nodes when they start; by default they are at rest."""
 
     @property
     def first_frame(self) -> int:

@@ -125,6 +125,8 @@ class Bend:
     """[3] the axis."""
     curve: CubicSpline
     """Places in metres by the reach along the axis from the origin."""
+    motion: CubicSpline
+    """Their velocities in m/s."""
     ends: tuple[float, float]
     """Metres, the reaches of the outermost recorded points; beyond them the rod is straight."""
 
@@ -145,17 +147,27 @@ class Bend:
             placed[here] = self.curve(inside) + (reach - inside) * tangent + across[here] @ turn.T
         return placed
 
+    def velocities(self, points: np.ndarray) -> np.ndarray:
+        """[N, 3] m/s, of points [N, 3] on the straight rod's axis; beyond the outermost recorded ones as there."""
+        return np.asarray(self.motion(np.clip((points - self.origin) @ self.along, *self.ends)))
 
-def bend_to(recorded: np.ndarray, seen: np.ndarray) -> Bend:
-    """The curve through points as they are seen [K, 3] that lie at `recorded` [K, 3] on the straight rod."""
+
+def bend_to(recorded: np.ndarray, seen: np.ndarray, moving: np.ndarray) -> Bend:
+    """The curve through points as they are seen [K, 3], with velocities [K, 3], that lie at `recorded` [K, 3] on the
+    straight rod."""
     origin, along = recorded[0], np.linalg.svd(recorded - recorded.mean(axis=0))[2][0]
     rounded = np.round((recorded - origin) @ along, 6)
     reaches, station = np.unique(rounded, return_inverse=True)
-    places = np.array([seen[station == index].mean(axis=0) for index in range(len(reaches))])
+
+    def through(values: np.ndarray) -> CubicSpline:
+        means = [values[station == index].mean(axis=0) for index in range(len(reaches))]
+        return CubicSpline(reaches, means, bc_type="natural")
+
     return Bend(
         origin=origin,
         along=along,
-        curve=CubicSpline(reaches, places, bc_type="natural"),
+        curve=through(seen),
+        motion=through(moving),
         ends=(float(reaches[0]), float(reaches[-1])),
     )
 

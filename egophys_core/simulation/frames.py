@@ -12,7 +12,7 @@ def into_world(points: np.ndarray, frame: np.ndarray) -> np.ndarray:
 
 
 def into_world_directions(vectors: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Accelerations [K, ..., 3] that `frames` [K, 4, 4] record, m/s^2, as they are in the world."""
+    """Vectors [K, ..., 3] that `frames` [K, 4, 4] record, m/s or m/s^2, as they are in the world."""
     return np.asarray(np.einsum("kij,k...i->k...j", frames[:, :3, :3], vectors))
 
 

@@ -12,7 +12,7 @@ from egophys_core.errors import SimulationError
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import Controls
 from egophys_core.simulation.effects import ForceEffect
-from egophys_core.simulation.frames import into_world
+from egophys_core.simulation.frames import into_world, into_world_directions
 from egophys_core.simulation.loads import with_actions
 from egophys_core.simulation.rod_bending import rod_bending
 from egophys_core.simulation.springs import UNLIMITED
@@ -24,12 +24,14 @@ def batch_of_models(
     controls: Sequence[Controls],
     *,
     starts: Sequence[np.ndarray] | None = None,
+    velocities: Sequence[np.ndarray | None] | None = None,
     ground_height: float,
 ) -> RolloutBatch:
-    """Rollouts, from rest, of models with the same nodes (graphs and parameters may differ), one control each.
+    """Rollouts of models with the same nodes (graphs and parameters may differ), one control each.
 
     Args:
         starts: per model [N, 3] metres where its nodes lie at the start; by default the graph's own positions.
+        velocities: per model [N, 3] m/s there; by default, and where None, it is at rest.
     """
     first = models[0]
     nodes = len(first.graph.positions)
@@ -37,10 +39,13 @@ def batch_of_models(
         if len(model.graph.positions) != nodes or model.kind != first.kind:
             raise SimulationError("a batch needs models of one object: the same kind and number of nodes")
     positions = [model.graph.positions for model in models] if starts is None else list(starts)
+    at_rest = np.zeros((nodes, 3))
+    speeds = [at_rest if each is None else each for each in velocities or [None] * len(models)]
     frames = None
     if any(effect_named(term.name).frame for model in models for term in model.effects):
         frames = np.stack([_frame(model) for model in models])
         positions = [into_world(start, frame) for start, frame in zip(positions, frames, strict=True)]
+        speeds = list(into_world_directions(np.stack(speeds), frames))
         controls = [
             replace(each, positions=into_world(each.positions.astype(np.float64), frame).astype(np.float32))
             for each, frame in zip(controls, frames, strict=True)
@@ -70,7 +75,7 @@ def batch_of_models(
         longest_extensions=longest_extensions,
         masses=masses,
         positions=np.stack(positions).astype(np.float32),
-        velocities=np.zeros((len(models), nodes, 3), np.float32),
+        velocities=np.stack(speeds).astype(np.float32),
         rest_positions=first.graph.positions,
         parameters=tuple(
             replace(model.parameters, gravity=body.gravity) for model, body in zip(models, bodies, strict=True)

@@ -107,6 +107,15 @@ def test_a_large_gain_in_them_is_enough_whatever_an_effect_gains_elsewhere():
     assert decide(enough, P, 0.0, 2).outcome == Outcome.NAMED
 
 
+def test_what_they_bear_out_in_full_need_not_show_in_each_that_was_fitted():
+    lost = {"episode_gains": np.array([10.0, -2 * CLEAR]), "episodes_agree": False}
+    some, all_of_it = (
+        [judged("quadratic_drag", CLEAR, proof_gains=np.array([share * CLEAR]), **lost)] for share in (0.9, 1.0)
+    )
+    assert decide(some, P, 0.0, 2).outcome == Outcome.UNEXPLAINED
+    assert decide(all_of_it, P, 0.0, 2).outcome == Outcome.NAMED
+
+
 def test_a_rival_that_they_speak_against_leaves_nothing_ambiguous():
     effects = [
         judged("quadratic_drag", CLEAR, proof_gains=np.array([20.0])),

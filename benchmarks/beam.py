@@ -39,7 +39,9 @@ def run() -> dict[str, Any]:
     built = time.perf_counter()
     observed = {name: observe_markers(twin, episode, load=LOADS[name]) for name, episode in episodes.items()}
     train = [each for name, each in observed.items() if name != HELD_OUT]
-    finding = diagnose_observed(twin, train, OPTIONS, report_on=[observed[HELD_OUT]], without=effects_untold(train))
+    finding = diagnose_observed(
+        twin, train, OPTIONS, report_on=[observed[HELD_OUT]], without=effects_untold(twin.model.kind, train)
+    )
     diagnosis = finding.diagnosis.as_dict()
     models = {
         "elastic": replace(twin.model, parameters=replace(twin.model.parameters, damping=0.0, drag=0.0)),

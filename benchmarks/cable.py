@@ -36,7 +36,7 @@ def measure(planted: str) -> dict[str, Any]:
     twin = build_marker_twin(episodes[:2], None)
     built = time.perf_counter()
     observed = [observe_markers(twin, episode) for episode in episodes]
-    finding = diagnose_observed(twin, observed, DiagnosisOptions(), without=effects_untold(observed))
+    finding = diagnose_observed(twin, observed, DiagnosisOptions(), without=effects_untold(twin.model.kind, observed))
     diagnosis = finding.diagnosis.as_dict()
     models = {"built": twin.model, "before": finding.before, "after": finding.twin.model}
     return {

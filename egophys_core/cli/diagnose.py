@@ -102,7 +102,7 @@ def _diagnose_markers(
     fitted, reported = (
         [observe_markers(twin, each, load=loads.get(each.name, 0.0)) for each in group] for group in (episodes, others)
     )
-    untold = effects_untold(fitted)
+    untold = effects_untold(twin.model.kind, fitted)
     return diagnose_observed(
         twin,
         fitted,

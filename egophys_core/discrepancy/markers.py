@@ -16,7 +16,7 @@ from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import FitProblem
 from egophys_core.identification.clamps import stands_still
 from egophys_core.identification.markers import place_markers
-from egophys_core.twin import Twin
+from egophys_core.twin import ObjectKind, Twin
 
 FREE = 0.0
 """Rate of the observer, 1/s."""
@@ -34,6 +34,21 @@ NOT_TOLD_BY_A_STILL_CLAMP = (
     "grasp_slip",
 )
 """Effects on how held points move or where they are: of a clamp that stands still they are how it was mounted."""
+
+OF_A_TABLE = ("table_adhesion", "place_dependent_friction", "stribeck_friction")
+"""Effects of a table, which records of markers do not tell."""
+
+OF_SPRINGS = (
+    "strain_stiffening",
+    "tension_compression_asymmetry",
+    "anisotropy",
+    "bending_damping",
+    "viscoelasticity",
+    "plasticity",
+    "hysteresis",
+)
+"""Effects on springs: those of a rod hardly stretch, and it bends without any. What they gained in a cable that lacks
+nothing, up to 108, was of how it stretches."""
 
 LEAST_RECORD_S = 0.5
 """Seconds below which markers show less than a swing."""
@@ -73,9 +88,10 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
     )
 
 
-def effects_untold(observations: Sequence[Observation]) -> tuple[str, ...]:
-    """Effects that episodes cannot tell, to be left out of a diagnosis."""
-    return NOT_TOLD_BY_A_STILL_CLAMP if all(each.mounted for each in observations) else ()
+def effects_untold(kind: ObjectKind, observations: Sequence[Observation]) -> tuple[str, ...]:
+    """Effects that episodes of an object cannot tell, to be left out of a diagnosis."""
+    still = NOT_TOLD_BY_A_STILL_CLAMP if all(each.mounted for each in observations) else ()
+    return (*OF_A_TABLE, *still, *(OF_SPRINGS if kind == ObjectKind.ROD else ()))
 
 
 def _tracks(problem: FitProblem) -> ObservedTracks:

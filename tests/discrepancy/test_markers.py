@@ -24,7 +24,7 @@ from egophys_core.identification.markers import MarkerBody, find_onset, marker_b
 from egophys_core.identification.statics import stiffness_matrix
 from egophys_core.identification.template import parse_template
 from egophys_core.simulation import ContactKind, batch_of_models
-from egophys_core.twin import GRAVITY, ObjectModel
+from egophys_core.twin import GRAVITY, ObjectKind, ObjectModel
 from tests.discrepancy.cantilever import (
     DENSITY,
     DRAG,
@@ -236,8 +236,22 @@ def test_slopes_of_effects_on_a_swing_are_those_near_none(
 def test_a_still_clamp_tells_nothing_of_the_hands(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, model, episode = cantilever
     observation = observe_markers(twin_of(body, model), episode)
-    assert "tracking_offset" in effects_untold([observation])
+    untold = effects_untold(model.kind, [observation])
+    assert "tracking_offset" in untold
+    assert "viscoelasticity" not in untold
     assert observation.rate == 0.0
+
+
+def test_a_rod_tells_nothing_of_springs_nor_a_record_of_markers_of_a_table(
+    cantilever: tuple[MarkerBody, ObjectModel, Episode],
+) -> None:
+    body, model, episode = cantilever
+    moved = replace(observe_markers(twin_of(body, model), episode), mounted=False)
+    of_a_rod, of_a_solid = (set(effects_untold(kind, [moved])) for kind in (ObjectKind.ROD, ObjectKind.SOLID))
+    assert of_a_solid == {"table_adhesion", "place_dependent_friction", "stribeck_friction"}
+    assert of_a_rod < set(LIBRARY)
+    assert "viscoelasticity" in of_a_rod
+    assert not {"quadratic_drag", "control_delay", "uneven_mass", "gripper_offset"} & of_a_rod
 
 
 def test_clamp_is_followed_when_it_moves() -> None:

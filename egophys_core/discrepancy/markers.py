@@ -15,7 +15,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import FitProblem
 from egophys_core.identification.clamps import stands_still
-from egophys_core.identification.markers import place_markers
+from egophys_core.identification.markers import from_all_seen, place_markers
 from egophys_core.twin import ObjectKind, Twin
 
 FREE = 0.0
@@ -84,7 +84,7 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
         blocks=np.floor((times + 0.5 * float(np.median(np.diff(times)))) / block).astype(int),
         rate=FREE,
         mounted=mounted,
-        record=episode,
+        record=from_all_seen(episode),
     )
 
 

@@ -88,9 +88,9 @@ def marker_body(episode: Episode, template: Template | None) -> MarkerBody:
     """What an object is that an episode shows: a rod where markers lie along one, else a template, or a bar.
 
     Raises:
-        EpisodeError: no held points, or the markers do not tell a direction.
+        EpisodeError: no held points, markers that are never seen all at once, or that do not tell a direction.
     """
-    held, tracks = _first_places(episode)
+    held, tracks = _first_places(from_all_seen(episode))
     slender = template is None or template.length >= SLENDER * template.size[1:].max()
     along = find_chain(held, clamp_groups(episode.controllers), tracks) if slender else None
     return _bar_body(episode, held, tracks, template) if along is None else _rod_body(held, tracks, along, template)
@@ -139,19 +139,38 @@ def _bar_body(episode: Episode, held: np.ndarray, tracks: np.ndarray, template: 
     )
 
 
+def from_all_seen(episode: Episode) -> Episode:
+    """The episode from the first frame on that shows all its markers: they tell how the object lies.
+
+    Raises:
+        EpisodeError: no frame but perhaps the last does.
+    """
+    seen = episode.visible
+    first = int(np.argmax(seen.all(axis=1)))
+    if not seen[first].all() or first > episode.frames - 2:
+        hidden = int(np.argmin(seen.sum(axis=0)))
+        raise EpisodeError(
+            f"{episode.name}: no frame shows all {seen.shape[1]} markers, and a twin of markers begins with one; leave "
+            f"out marker {episode.point_ids[hidden]}, seen in {seen[:, hidden].sum()} of {episode.frames} frames"
+        )
+    rest = slice(first, None)
+    return replace(
+        episode,
+        times=episode.times[rest] - episode.times[first],
+        points=episode.points[rest],
+        confidence=episode.confidence[rest],
+        controllers=episode.controllers[rest],
+    )
+
+
 def _first_places(episode: Episode) -> tuple[np.ndarray, np.ndarray]:
     """Held points [C, 3] and markers [P, 3] in the first frame, metres.
 
     Raises:
-        EpisodeError: none is held, or a marker is hidden.
+        EpisodeError: none is held.
     """
     if episode.controllers.shape[1] == 0:
         raise EpisodeError(f"{episode.name}: no held points; record the markers of the clamp as controller points")
-    seen = episode.visible[0]
-    if not seen.all():
-        raise EpisodeError(
-            f"{episode.name}: marker {episode.point_ids[~seen][0]} is hidden in the first frame; cut the record there"
-        )
     return episode.controllers[0].astype(np.float64), episode.points[0].astype(np.float64)
 
 
@@ -190,7 +209,7 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     It is placed by its held points if they tell how a clamp is turned: a hand that still holds it back in frame 0
     bends it. Fewer of them tell it together with the markers of frame 0, as one rigid body. If it is let go at the
     start its episode begins where its swing first turns, and it begins bent as the markers say. A rod begins along
-    the curve through held points and markers, as fast as these are.
+    the curve through held points and markers, as fast as these are. What comes before all markers are seen is left out.
 
     Args:
         grasp: of the twin, as in `MarkerBody`.
@@ -199,16 +218,17 @@ def place_markers(model: ObjectModel, grasp: np.ndarray, episode: Episode, *, lo
     Raises:
         EpisodeError: other markers or held points than the twin was built with.
     """
+    episode = from_all_seen(episode)
     count, markers = episode.controllers.shape[1], episode.points.shape[1]
     nodes = model.graph.positions.astype(np.float64)
     held, tracks = episode.controllers[0].astype(np.float64), episode.points[0].astype(np.float64)
     known = count + markers
     bound = _nodes_of_markers(model, grasp[count:known])
     own = _has_room_for(model, grasp, known) and np.allclose(nodes[bound], grasp[count:known], atol=OWN_MARKERS)
-    if not own or not np.isfinite(tracks).all():
+    if not own:
         raise EpisodeError(
-            f"{episode.name}: the twin needs its {markers} markers in view in the first frame and its {count} held "
-            "points; is it a twin of these markers (egophys build --template)?"
+            f"{episode.name}: its {markers} markers and {count} held points are not those of the twin; is it a twin of "
+            "these markers (egophys build --template)?"
         )
     onset = find_onset(episode)
     shown = _from_onset(episode, onset)

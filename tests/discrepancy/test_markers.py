@@ -263,6 +263,33 @@ def test_clamp_is_followed_when_it_moves() -> None:
     np.testing.assert_allclose(held[-1] - held[0], np.broadcast_to([0.0, 0.05, 0.0], held[0].shape), atol=1e-6)
 
 
+def test_a_record_begins_where_all_markers_are_seen(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+    body, model, _ = cantilever
+    late = still_episode(frames=100)
+    points = late.points.copy()
+    points[:5, 0] = np.nan
+    late = replace(late, points=points)
+    placed = place_markers(model, body.grasp, late)
+    assert placed.episode.frames == 95
+    assert np.isfinite(placed.episode.points).all()
+    assert marker_body(late, parse_template(TEMPLATE)).grasp == pytest.approx(body.grasp)
+    observation = observe_markers(twin_of(body, model), late)
+    assert observation.record is not None
+    assert observation.record.times[0] == 0.0
+
+
+def test_markers_that_are_never_all_seen_are_refused() -> None:
+    points = still_episode().points.copy()
+    points[::2, 0], points[1::2, 1] = np.nan, np.nan
+    points[0, 2] = np.nan
+    hidden = replace(still_episode(), points=points)
+    with pytest.raises(EpisodeError, match=f"no frame shows all {len(TRACKS)} markers"):
+        marker_body(hidden, None)
+    points[-1] = still_episode().points[-1]
+    with pytest.raises(EpisodeError, match="no frame shows all"):
+        marker_body(replace(hidden, points=points), None)
+
+
 def test_bad_input_is_refused() -> None:
     episode = still_episode()
     with pytest.raises(EpisodeError, match="no held points"):

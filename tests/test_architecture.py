@@ -14,7 +14,7 @@ PACKAGE = Path(egophys_core.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 
-BASE = {"errors", "files", "json_numbers", "options", "episode", "waypoint_plan"}
+BASE = {"cores", "errors", "files", "json_numbers", "options", "episode", "waypoint_plan"}
 """Plain modules that any room may use."""
 
 MAY_USE = {

@@ -4,13 +4,13 @@ Means over a patch and a fifth of a second carry what missing physics does; what
 is a tenth of its size at a track.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
+from egophys_core.cores import usable_cores
 from egophys_core.discrepancy.effects.effect import Action
 from egophys_core.discrepancy.innovations import innovations
 from egophys_core.discrepancy.mounting import beside_mounting
@@ -198,7 +198,7 @@ def residuals_with(
 def _side_by_side(jobs: Sequence[Job], progress: Callable[[float], None] = lambda share: None) -> list[np.ndarray]:
     """Per job [K, B, Q, 3] metres. `progress` may raise to stop: nothing is begun any more."""
     found: list[np.ndarray] = []
-    with ThreadPoolExecutor(_cores()) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         try:
             for each in pool.map(lambda job: _left_in_blocks(job[0], *track_offsets(*job[:2], actions=job[2])), jobs):
                 found.append(each)
@@ -211,13 +211,8 @@ def _side_by_side(jobs: Sequence[Job], progress: Callable[[float], None] = lambd
 def _rollouts_together(episodes: int, models: int) -> int:
     """How many models of an episode are simulated together: whole lane groups, so that no core idles at last."""
     groups = -(-min(models, BATCH) // LANES)
-    shares = 1 if episodes % _cores() == 0 else _cores()
+    shares = 1 if episodes % usable_cores() == 0 else usable_cores()
     return LANES * max(1, -(-groups // shares))
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0))
 
 
 def _left_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:

@@ -1,6 +1,5 @@
 """The coarse fit: CMA-ES over graph and global parameters, a whole population in one batch (paper, App. B.2)."""
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from pathlib import Path
 import cma
 import numpy as np
 
+from egophys_core.cores import usable_cores
 from egophys_core.errors import EpisodeError, TwinError
 from egophys_core.identification.loss import TAIL_SHARE, rollout_loss
 from egophys_core.identification.options import FitOptions
@@ -151,7 +151,7 @@ def evaluate_candidates(
 ) -> np.ndarray:
     """[K] metres: the loss of candidates at normalised coordinates, averaged over episodes."""
     losses = np.zeros(len(population))
-    with ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(usable_cores()) as pool:
         for problem in problems:
             ground = problem.episode.ground_height
             models = [candidate(shape, coordinates, ground_height=ground) for coordinates in population]

@@ -1,6 +1,5 @@
 """Rolling out a batch: frames on the host, substeps in the kernels."""
 
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -11,6 +10,7 @@ import numpy as np
 import warp as wp
 from scipy.sparse import coo_matrix
 
+from egophys_core.cores import usable_cores
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.device_arrays import effect_terms
@@ -62,7 +62,7 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
     wp.load_module(frame_kernel(effect_terms(batch)).module, device=device)
     groups = group_count(batch.count)
     # What acts on rollouts is decided by Python code, for which threads would wait longer than they work.
-    workers = 1 if batch.actions else min(groups, len(os.sched_getaffinity(0)))
+    workers = 1 if batch.actions else min(groups, usable_cores())
     # Rollouts with similar substeps share a lane group: it runs as many as the one that needs most.
     order = np.argsort(_fastest_rates(batch), kind="stable")
     bounds = np.linspace(0, groups, workers + 1).astype(int) * LANES

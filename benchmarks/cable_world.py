@@ -1,6 +1,6 @@
 """A cable between two hands in MuJoCo's cable plugin, seen at markers as motion capture sees them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.episode import Episode
 from egophys_core.rehearsal.engine import load_mujoco
+from egophys_core.rehearsal.field_forces import hidden_tether
+from egophys_core.rehearsal.handled_body import gravity_with, lumped
+from egophys_core.rehearsal.observation import in_tracking_frame, mistracked
+from egophys_core.rehearsal.planted_forces import FIELDS
+from egophys_core.rehearsal.planting import Effects, complete_effects
+from egophys_core.rehearsal.state import StepState
 
 LENGTH, RADIUS, MASS = 1.0, 0.004, 0.05
 """Metres; kg."""
@@ -83,61 +89,86 @@ MOTIONS = (
 )
 
 
-def record(hanging: Hanging, *, seconds: float, drag: float = 0.0, delay: float = 0.0, seed: int) -> Episode:
+def record(hanging: Hanging, *, seconds: float, effects: Mapping[str, Mapping[str, float]], seed: int) -> Episode:
     """The markers of a moved cable, 100 frames a second.
 
     Args:
         hanging: how the hands move.
         seconds: of the record.
-        drag: 1/m, acceleration over squared speed against it, of each piece by its centre's.
-        delay: seconds by which the hands' record is early.
+        effects: planted ones, as in `egophys_core.rehearsal.planting`; what is at rest there hangs here when the record
+            begins, or lies straight from (0, 0, 1) to (1, 0, 1) for a lump.
         seed: of the markers' noise.
     """
+    planted = complete_effects(effects)
     mujoco = load_mujoco()
     model: Any = mujoco.MjModel.from_xml_string(_scene())
     data: Any = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     first = model.body("cB_first").id
     pieces = slice(first, first + PIECES)
+    model.opt.gravity[:] = gravity_with(planted)
+    if "uneven_mass" in planted:
+        heavier = lumped(data.xipos[pieces].copy(), model.body_mass[pieces].copy(), planted["uneven_mass"])
+        model.body_inertia[pieces] *= (heavier / model.body_mass[pieces])[:, None]
+        model.body_mass[pieces] = heavier
+        mujoco.mj_setConst(model, data)
+    masses = model.body_mass[pieces].copy()
+    terms = [make(planted[name]) for name, make in FIELDS.items() if name in planted]
     straight = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], [LENGTH, 0.0, 1.0, 0.0, 0.0]])
-    masses = model.body_mass[pieces, None]
     before = data.xipos[pieces].copy()
+
+    def advance(time: float, hands: np.ndarray, drag: float) -> None:
+        places = data.xipos[pieces].copy()
+        state = StepState(
+            time=time,
+            duration=STEP,
+            positions=places,
+            velocities=(places - before) / STEP,
+            masses=masses,
+            pressures=np.zeros(PIECES),
+        )
+        forces = -drag * masses[:, None] * state.velocities
+        for term in terms:
+            term(state, forces)
+        before[:] = places
+        data.xfrc_applied[pieces, :3] = forces
+        _put(data, hands)
+        mujoco.mj_step(model, data)
+
     for step in range(int(SETTLING / STEP)):
         share = min(step * STEP / (0.4 * SETTLING), 1.0)
-        _put(data, straight + share * share * (3.0 - 2.0 * share) * (hanging(0.0) - straight))
-        speeds = (data.xipos[pieces] - before) / STEP
-        before = data.xipos[pieces].copy()
-        data.xfrc_applied[pieces, :3] = -SETTLING_DRAG * masses * speeds
-        mujoco.mj_step(model, data)
+        eased = share * share * (3.0 - 2.0 * share)
+        advance(step * STEP - SETTLING, straight + eased * (hanging(0.0) - straight), SETTLING_DRAG)
+    if "hidden_tether" in planted:
+        terms.append(hidden_tether(planted["hidden_tether"], before))
+    delay = planted.get("control_delay", {"delay": 0.0})["delay"]
     places = []
     for frame in range(round((seconds + delay) / FRAME)):
         last = data.body("cB_last")
         tip = last.xpos + last.xmat.reshape(3, 3)[:, 0] * LENGTH / PIECES
         places.append(np.concatenate([data.xpos[pieces], [tip]]))
         for step in range(round(FRAME / STEP)):
-            speeds = (data.xipos[pieces] - before) / STEP
-            before = data.xipos[pieces].copy()
-            data.xfrc_applied[pieces, :3] = -drag * masses * np.linalg.norm(speeds, axis=1, keepdims=True) * speeds
-            _put(data, hanging(frame * FRAME + step * STEP))
-            mujoco.mj_step(model, data)
+            time = frame * FRAME + step * STEP
+            advance(time, hanging(time), 0.0)
     free = np.linspace(1, PIECES - 1, FREE_MARKERS + 2)[1:-1].round().astype(int)
     seen = np.array(places)[:, [0, 1, *free, PIECES - 1, PIECES]]
-    return _episode(hanging.name, seen, round(delay / FRAME), np.random.default_rng(seed))
+    return _episode(hanging.name, seen, planted, round(delay / FRAME), np.random.default_rng(seed))
 
 
-def _episode(name: str, seen: np.ndarray, early: int, random: np.random.Generator) -> Episode:
-    """Markers [T, M, 3] with noise; the first and last two are held, and some frames early."""
-    noisy = (seen + random.normal(0.0, NOISE, seen.shape)).astype(np.float32)
+def _episode(name: str, seen: np.ndarray, planted: Effects, early: int, random: np.random.Generator) -> Episode:
+    """Markers [T, M, 3] with noise, as they are tracked; the first and last two are held, and some frames early."""
+    noisy = seen + random.normal(0.0, NOISE, seen.shape)
     frames = len(noisy) - early
-    points = noisy[:frames, HELD:-HELD]
-    held = np.concatenate([noisy[early:, :HELD], noisy[early:, -HELD:]], axis=1)
+    free, held = noisy[:frames, HELD:-HELD], np.concatenate([noisy[early:, :HELD], noisy[early:, -HELD:]], axis=1)
+    points = mistracked(free.reshape(-1, 3), planted).reshape(free.shape).astype(np.float32)
+    held = in_tracking_frame(held.reshape(-1, 3), planted).reshape(held.shape)
     return Episode(
         name=name,
         times=FRAME * np.arange(frames),
         points=points,
         confidence=np.ones(points.shape[:2], np.float32),
         point_ids=np.arange(points.shape[1], dtype=np.uint32),
-        controllers=held,
+        controllers=held.astype(np.float32),
         controller_ids=np.arange(held.shape[1], dtype=np.uint32),
     )
 

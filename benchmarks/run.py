@@ -108,7 +108,7 @@ def _cable_table(result: dict[str, Any]) -> str:
     ]
     for name, row in result["cables"].items():
         outcome = f"{row['outcome']}: {_named(row['effects'])}" if row["effects"] else row["outcome"]
-        planted = ", ".join([name, *(f"{each:g}" for each in row["planted"].values())])
+        planted = ", ".join([name, *(f"{number} {value:g}" for number, value in row["planted"].items())])
         for index, (motion, errors) in enumerate(row["rmse_m"].items()):
             first = (planted, outcome) if index == 0 else ("", "")
             fitted = "held out" if motion == result["held_out"] else "fitted"

@@ -10,7 +10,7 @@ from egophys_core.rehearsal.engine import AIR_DAMPING, GRAVITY, SETTLING_DAMPING
 from egophys_core.rehearsal.grip import Grip
 from egophys_core.rehearsal.hands import HandsAt
 from egophys_core.rehearsal.planted_forces import FRICTIONS, MATERIAL, planted_terms
-from egophys_core.rehearsal.planting import complete_effects
+from egophys_core.rehearsal.planting import Effects, complete_effects
 from egophys_core.rehearsal.state import StepState
 
 STEP = 0.0004
@@ -51,9 +51,9 @@ class HandledBody:
         self._engine = FlexEngine(body, step=self._step_s, pressing=pressing, folding=folding)
         self._grip: Grip | None = None
         self._last_hands: np.ndarray | None = None
-        self._set_gravity()
+        self._engine.set_gravity(gravity_with(self.effects))
         if "uneven_mass" in self.effects:
-            self._engine.set_masses(_lumped(body.vertices, self._engine.masses, self.effects["uneven_mass"]))
+            self._engine.set_masses(lumped(body.vertices, self._engine.masses, self.effects["uneven_mass"]))
         self._masses = self._engine.masses.copy()
         self._needs_pressures = bool(self.effects.keys() & FRICTIONS.keys())
         self._terms = planted_terms(self.effects, body, self._engine)
@@ -143,14 +143,16 @@ class HandledBody:
         self._engine.set_damping(AIR_DAMPING)
         self._engine.stop()
 
-    def _set_gravity(self) -> None:
-        size = GRAVITY * self.effects.get("gravity_scale", {"factor": 1.0})["factor"]
-        tilt = self.effects.get("gravity_tilt", {"tilt_x": 0.0, "tilt_y": 0.0})
-        turn = Rotation.from_euler("xy", [tilt["tilt_x"], tilt["tilt_y"]])
-        self._engine.set_gravity(turn.apply([0.0, 0.0, -size]))
+
+def gravity_with(effects: Effects) -> np.ndarray:
+    """[3] m/s^2, as planted effects change it."""
+    size = GRAVITY * effects.get("gravity_scale", {"factor": 1.0})["factor"]
+    tilt = effects.get("gravity_tilt", {"tilt_x": 0.0, "tilt_y": 0.0})
+    turn = Rotation.from_euler("xy", [tilt["tilt_x"], tilt["tilt_y"]])
+    return np.asarray(turn.apply([0.0, 0.0, -size]))
 
 
-def _lumped(resting: np.ndarray, masses: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+def lumped(resting: np.ndarray, masses: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
     """Masses [V] with a share of their sum more around a place; at the nearest vertex if none is within the radius."""
     distances = np.linalg.norm(resting - np.array([values["x"], values["y"], values["z"]]), axis=1)
     lump = distances <= max(values["radius"], distances.min())

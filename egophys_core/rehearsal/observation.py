@@ -41,10 +41,10 @@ def observe(
     if options.occlusion:
         seen &= ~_covered(points, points, COVER_RADIUS) & ~_covered(points, hands, HAND_COVER_RADIUS)
     noisy = points + random.normal(scale=options.noise_m, size=points.shape)
-    return np.where(seen[:, None], _mistracked(noisy, effects), np.nan).astype(np.float32)
+    return np.where(seen[:, None], mistracked(noisy, effects), np.nan).astype(np.float32)
 
 
-def _mistracked(points: np.ndarray, effects: Effects) -> np.ndarray:
+def mistracked(points: np.ndarray, effects: Effects) -> np.ndarray:
     """Points [N, 3] in the frame of a tracker that is off as planted."""
     if "tracking_scale" in effects:
         points = effects["tracking_scale"]["scale"] * points

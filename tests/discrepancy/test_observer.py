@@ -49,7 +49,7 @@ def test_episodes_side_by_side_are_as_one_after_the_other():
 
 @pytest.mark.parametrize("cores", [1, 2, 3])
 def test_models_are_as_one_after_the_other_on_any_number_of_cores(cores, monkeypatch):
-    monkeypatch.setattr(residuals_module, "_cores", lambda: cores)
+    monkeypatch.setattr(residuals_module, "usable_cores", lambda: cores)
     observations = [observe(sheet(), episode) for episode in episodes()]
     models = [replace(sheet(), parameters=replace(sheet().parameters, drag=0.1 * row)) for row in range(19)]
     shares = []
@@ -62,7 +62,7 @@ def test_models_are_as_one_after_the_other_on_any_number_of_cores(cores, monkeyp
 
 def test_progress_may_stop_and_nothing_is_begun_any_more(monkeypatch):
     begun = []
-    monkeypatch.setattr(residuals_module, "_cores", lambda: 1)
+    monkeypatch.setattr(residuals_module, "usable_cores", lambda: 1)
     monkeypatch.setattr(
         residuals_module, "track_offsets", lambda each, models, **_: begun.append(models) or (None, None)
     )

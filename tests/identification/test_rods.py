@@ -244,7 +244,7 @@ def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
 
 def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
     """What the search starts from, where no numbers explain all that is seen."""
-    moved = _moved(record_of(curve(9), held_first=2, held_last=2, frames=200), aside=0.1)
+    moved = _moved(record_of(curve(9), held_first=2, held_last=2, frames=140), aside=0.1)
     body = marker_body(moved, None)
     bare = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.0)
     planted = with_effect(bare, "quadratic_drag", {"coefficient": 10.0})

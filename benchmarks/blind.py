@@ -1,12 +1,11 @@
 """Diagnoses of the recorded cases: those that declare what they hold, and the blind ones, which do not."""
 
-import json
 import time
 from pathlib import Path
 from typing import Any
 
+from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
-from benchmarks.side_by_side import side_by_side
 from egophys_core.discrepancy.diagnose import diagnose, fitted_and_proofs
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.files import write_json
@@ -40,14 +39,10 @@ def measure(folder: Path) -> dict[str, Any]:
 
 def run() -> dict[str, Any]:
     """Diagnose every case; results are kept after each, and a run goes on where the last one stopped."""
-    kept = json.loads(RESULT.read_text()) if RESULT.exists() else {"cases": {}}
-    cases = kept["cases"]
+    kept = kept_in(RESULT, {"cases": {}})
     folders = [*sorted((DATA / "open").iterdir()), *sorted((DATA / "blind").iterdir())]
-    missing = [folder for folder in folders if folder.name not in cases]
-    for folder, case in side_by_side(measure, missing):
-        cases[folder.name] = case
-        write_json(RESULT, kept)
-    return {"cases": cases}
+    fill(RESULT, kept, kept["cases"], measure, {folder.name: folder for folder in folders})
+    return {"cases": kept["cases"]}
 
 
 def write_blind(cases: dict[str, Any]) -> None:

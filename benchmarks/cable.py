@@ -3,19 +3,17 @@
 A cable's row is kept as soon as it is measured, and a run goes on where the last one stopped.
 """
 
-import json
 import time
 from pathlib import Path
 from typing import Any
 
 from benchmarks.beam import rmse
 from benchmarks.cable_world import MOTIONS, record
+from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
-from benchmarks.side_by_side import side_by_side
 from egophys_core.discrepancy.diagnose import diagnose_observed
 from egophys_core.discrepancy.markers import effects_untold, observe_markers
 from egophys_core.discrepancy.options import DiagnosisOptions
-from egophys_core.files import write_json
 from egophys_core.identification.marker_fit import build_marker_twin
 
 RESULT = Path(__file__).parent / "results/cable.json"
@@ -74,10 +72,7 @@ def measure(planted: str) -> dict[str, Any]:
 
 def run() -> dict[str, Any]:
     """The keys of `results/cable.json`."""
-    kept = json.loads(RESULT.read_text()) if RESULT.exists() else {"cables": {}}
+    kept = kept_in(RESULT, {"cables": {}})
     kept["held_out"] = MOTIONS[-1].name
-    cables = kept["cables"]
-    for name, row in side_by_side(measure, [name for name in PLANTED if name not in cables]):
-        cables[name] = row
-        write_json(RESULT, kept)
-    return {"cables": {name: cables[name] for name in PLANTED}, "held_out": kept["held_out"]}
+    fill(RESULT, kept, kept["cables"], measure, {name: name for name in PLANTED})
+    return {"cables": {name: kept["cables"][name] for name in PLANTED}, "held_out": kept["held_out"]}

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from benchmarks.kept import kept_in
 from benchmarks.movement import movement
 from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
@@ -183,7 +184,7 @@ def run(*, minutes: float = 1e9) -> dict[str, Any]:
     Args:
         minutes: begin no further case after this long.
     """
-    kept = json.loads(RESULT.read_text()) if RESULT.exists() else {"rows": []}
+    kept = kept_in(RESULT, {"rows": []})
     rows, moved = kept["rows"], kept.setdefault("moved_m", {})
     done = {_key(row) for row in rows}
     planted = [case for case in cases() if case.effect != "none" and not case.without]

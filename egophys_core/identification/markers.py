@@ -153,6 +153,8 @@ def from_all_seen(episode: Episode) -> Episode:
             f"{episode.name}: no frame shows all {seen.shape[1]} markers, and a twin of markers begins with one; leave "
             f"out marker {episode.point_ids[hidden]}, seen in {seen[:, hidden].sum()} of {episode.frames} frames"
         )
+    if first == 0:
+        return episode
     rest = slice(first, None)
     return replace(
         episode,

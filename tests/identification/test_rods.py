@@ -201,10 +201,7 @@ def test_a_rod_hangs_as_an_elastica(bending_length: float) -> None:
     episode = record_of(level, held_first=2, held_last=0, frames=400)
     body = marker_body(episode, None)
     model = rod_model(body, density=1000.0, rigidity=GRAVITY * bending_length**3, retardation_time=0.001, drag=8.0)
-    problem = place_markers(model, body.grasp, episode)
-    result = rollout(batch_of_models([model], [problem.controls], starts=[problem.start], ground_height=-10.0))
-    result.raise_on_failure()
-    places = result.positions[0][-1, problem.bound] - level[1]
+    places = _rolled_out(model, body, episode)[-1] - level[1]
     half = 0.5 * body.spacing
     whole = body.length + half
     ways = np.linspace(0.0, whole, 400)

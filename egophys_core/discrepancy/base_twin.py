@@ -93,9 +93,12 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts:
 
 
 def follows(fitted: Fitted, observations: Sequence[Observation]) -> list[bool]:
-    """Per episode that was not fitted, whether a twin follows it well enough to tell what it lacks there."""
-    if not observations:
-        return []
+    """Per episode that was not fitted, whether a twin follows it well enough to tell what it lacks there.
+
+    A few markers always tell it: what is rolled out freely is not chaotic, and may be far off for lack of the effect.
+    """
+    if not observations or observations[0].free:
+        return [True] * len(observations)
     most = LOST * residual_scale(observations, fitted.residuals)
     return [bool(np.nanmedian(np.abs(found)) <= most) for found in residuals(observations, [fitted.model])]
 

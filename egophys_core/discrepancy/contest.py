@@ -43,6 +43,7 @@ def contest(
     *,
     earlier: Mapping[str, ObjectModel],
     others: Sequence[ObjectModel],
+    far: Mapping[str, Sequence[ObjectModel]],
 ) -> Contest:
     """Refit the effects, those that turn out to be like the best, and the twin without any.
 
@@ -53,6 +54,7 @@ def contest(
         reserve: names of those that are if they mimic the best of these, the likeliest first.
         earlier: by name, where refits ended on a coarser scale, after all this; these start there, and there alone.
         others: twins without an effect at which refits may start as well.
+        far: by name, twins with an effect at which its refit may start as well.
     """
     observations, scale, iterations = inquiry.observations, before.scale, inquiry.options.refit_iterations
     fits: dict[str, Fitted] = {}
@@ -65,7 +67,9 @@ def contest(
         return before.loss - fits[name].loss
 
     def own_starts(name: str) -> list[ObjectModel]:
-        return [earlier[name]] if name in earlier else starts_beside(observations, before, effects[name], others)
+        if name in earlier:
+            return [earlier[name]]
+        return starts_beside(observations, before, effects[name], others, far.get(name, ()))
 
     for index, name in enumerate(chosen):
         progress(f"refit with {name}", 0.5 * index / len(chosen))

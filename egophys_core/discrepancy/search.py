@@ -11,8 +11,9 @@ from egophys_core.discrepancy.judging import Judged, judge, proven
 from egophys_core.discrepancy.leaps import Leap, leap_gains, leap_off
 from egophys_core.discrepancy.linear import linear_problem
 from egophys_core.discrepancy.ranking import Probe, Ranked, Ranking, probe_effects, rank
-from egophys_core.discrepancy.refit import Fitted, median_size, refit_further
-from egophys_core.discrepancy.verdict import LARGEST_P, LEAST_GAIN, Verdict, decide
+from egophys_core.discrepancy.refit import Fitted, median_size, refit_further, robust_loss
+from egophys_core.discrepancy.rod_starts import RodStart, rod_starts
+from egophys_core.discrepancy.verdict import FLOOR_M, LARGEST_P, LEAST_GAIN, Verdict, decide
 from egophys_core.twin import ObjectKind, ObjectModel
 
 WORTH_REFITTING = LEAST_GAIN / 6.0
@@ -20,6 +21,9 @@ WORTH_REFITTING = LEAST_GAIN / 6.0
 
 FINER = 0.7
 """Of the scale of the residuals: where an effect leaves less, all are judged again by what it leaves."""
+
+OUT_OF_STEP_M = FLOOR_M
+"""Metres: scale of residuals from which a cable may swing out of step with its twin; then slopes there say nothing."""
 
 ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",), ObjectKind.ROD: ()}
 """Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
@@ -48,13 +52,20 @@ class Survey:
     """Where from."""
     probes: list[Probe]
     leaps: list[Leap]
+    on_rods: dict[str, list[RodStart]]
+    """Of a cable, by effect, the best first."""
 
     def ranking(self, scale: float, *, shams: int, seed: int) -> tuple[Ranking, list[Ranked]]:
         """The effects ranked on a scale by their slopes, and the same in the order in which they are worth a refit."""
         problem = linear_problem(self.fitted.residuals, self.fitted.jacobian, scale)
         ranking = rank(problem, self.probes, shams=shams, seed=seed)
         leaps = leap_gains(problem, self.leaps)
-        promise = {each.name: max(each.held_out_gain, leaps.get(each.name, 0.0)) for each in ranking.ranked}
+        known = robust_loss(self.fitted.residuals, scale)
+        rods = {name: known - min(start.loss(scale) for start in starts) for name, starts in self.on_rods.items()}
+        promise = {
+            each.name: max(each.held_out_gain, leaps.get(each.name, 0.0), rods.get(each.name, 0.0))
+            for each in ranking.ranked
+        }
         worth = [each for each in ranking.ranked if promise[each.name] >= WORTH_REFITTING]
         return ranking, sorted(worth, key=lambda each: -promise[each.name])
 
@@ -103,9 +114,18 @@ def _survey(inquiry: Inquiry, fitted: Fitted, without: Collection[str], progress
     )
     nearby = rank(linear_problem(fitted.residuals, fitted.jacobian, fitted.scale), probes, shams=0, seed=inquiry.seed)
     leaps = leap_off(
-        inquiry.observations, fitted.model, nearby.ranked, progress=lambda share: progress(0.6 + 0.4 * share)
+        inquiry.observations, fitted.model, nearby.ranked, progress=lambda share: progress(0.6 + 0.2 * share)
     )
-    return Survey(fitted=fitted, probes=probes, leaps=leaps)
+    on_rods = {}
+    if fitted.model.kind == ObjectKind.ROD and fitted.scale > OUT_OF_STEP_M:
+        on_rods = rod_starts(
+            inquiry.observations,
+            fitted.model,
+            nearby.ranked,
+            fitted.scale,
+            progress=lambda share: progress(0.8 + 0.2 * share),
+        )
+    return Survey(fitted=fitted, probes=probes, leaps=leaps, on_rods=on_rods)
 
 
 def _judged(
@@ -136,6 +156,7 @@ def _judged(
         progress,
         earlier=earlier,
         others=others,
+        far={name: [start.model for start in starts] for name, starts in survey.on_rods.items()},
     )
     before = ended.before
     problem = linear_problem(before.residuals, before.jacobian, before.scale)

@@ -22,12 +22,21 @@ SHARES = (0.25, 0.5, 1.0, 2.0)
 
 
 def starts_beside(
-    observations: Sequence[Observation], before: Fitted, ranked: Ranked, others: Sequence[ObjectModel]
+    observations: Sequence[Observation],
+    before: Fitted,
+    ranked: Ranked,
+    others: Sequence[ObjectModel],
+    far: Sequence[ObjectModel],
 ) -> list[ObjectModel]:
     """The best point of each way from `before` to the effect, the best first.
 
     The way to the linear optimum is tried with and without the base's share, from `others` as well, and beside it the
     ways to all starts of the effect.
+
+    Args:
+        before: the twin without the effect.
+        others: twins without it at which refits may start as well.
+        far: starts with it that are known to be good.
     """
     effect = ranked.probe.effect
     base = np.array([knob.position(before.model) for knob in before.knobs])
@@ -40,6 +49,7 @@ def starts_beside(
         ],
         *([with_effect(other, effect.name, values) for values in optima] for other in others),
         *_afar(before.model, ranked),
+        *([start] for start in far),
     ]
     return _best_of_each(observations, ways, before.scale)
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from egophys_core.identification.rods import axial_stiffness
 from egophys_core.identification.template import stiffness_of_modulus
 from egophys_core.simulation import longest_retardation
 from egophys_core.twin import GRAVITY, ObjectKind, ObjectModel, PhysicalParameters, per_kind
+
+FloatOrArray = TypeVar("FloatOrArray", float, np.ndarray)
 
 MODULI = np.geomspace(3e3, 1e7, 32)
 """Young's moduli in Pa, from a sponge to rubber, at which the sag is looked at."""
@@ -97,11 +100,11 @@ def rod_unknowns(body: MarkerBody, density: float) -> Unknowns:
 
     How a rod points is told by the curve that it is seen on. If hands move it, it swings whatever its drag is.
     """
-    rigidities = 3.0 * np.log(BENDING_LENGTHS * body.length) + np.log(GRAVITY)
+    rigidities = np.log(rigidity_of(BENDING_LENGTHS * body.length))
 
     def model(numbers: np.ndarray) -> tuple[MarkerBody, ObjectModel]:
         rigidity, ratio = (float(number) for number in np.exp(numbers[:2]))
-        time = 2.0 * ratio / (FIRST_MODE * np.sqrt(rigidity) / body.length**2)
+        time = retardation_of(rigidity, body.length, ratio)
         return body, rod_model(body, density=density, rigidity=rigidity, retardation_time=time, drag=float(numbers[2]))
 
     return Unknowns(
@@ -111,6 +114,21 @@ def rod_unknowns(body: MarkerBody, density: float) -> Unknowns:
         swing=np.array([np.nan, np.nan, np.nan]),
         model=model,
     )
+
+
+def rigidity_of(bending_length: FloatOrArray) -> FloatOrArray:
+    """Flexural rigidity over mass per length, m^4/s^2, of a rod that bends under its weight over a length in metres."""
+    return GRAVITY * bending_length**3
+
+
+def retardation_of(rigidity: float, length: float, ratio: float) -> float:
+    """Seconds, the retardation time at which a rod's first mode between two clamps has a damping ratio.
+
+    Args:
+        rigidity: flexural rigidity over mass per length, m^4/s^2.
+        length: metres.
+    """
+    return 2.0 * ratio / (FIRST_MODE * np.sqrt(rigidity) / length**2)
 
 
 def marker_model(body: MarkerBody, *, density: float, stiffness: float, damping: float, drag: float) -> ObjectModel:

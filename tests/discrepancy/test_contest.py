@@ -33,6 +33,7 @@ def contested(model, recorded, *chosen):
         lambda stage, share: None,
         earlier={},
         others=(),
+        far={},
     )
     return before, ended
 

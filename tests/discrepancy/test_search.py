@@ -34,6 +34,7 @@ def test_an_effect_without_slopes_is_worth_a_refit_if_a_leap_gains():
             Leap(name="gravity_scale", residuals=[noise]),
             Leap(name="tracking_scale", residuals=[missed + odd + noise]),
         ],
+        on_rods={},
     )
     ranking, worth = survey.ranking(SCALE, shams=5, seed=0)
     assert ranking.ranked[0].name == "quadratic_drag"

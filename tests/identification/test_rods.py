@@ -9,17 +9,15 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
 
 from egophys_core.discrepancy.knobs import base_knobs, with_effect
-from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.identification.marker_fit import MarkerSearch, build_marker_twin
 from egophys_core.identification.marker_unknowns import rod_model
-from egophys_core.identification.markers import MarkerBody, marker_body, place_markers
+from egophys_core.identification.markers import marker_body, place_markers
 from egophys_core.identification.rods import PIECES, Chain, bend_to, find_chain, rod_nodes
 from egophys_core.identification.template import parse_template
-from egophys_core.simulation import batch_of_models, rollout
-from egophys_core.twin import GRAVITY, ObjectKind, ObjectModel
+from egophys_core.twin import GRAVITY, ObjectKind
 from tests.discrepancy.cantilever import HELD, TRACKS
-from tests.identification.hanging_cable import LENGTH, curve, record_of
+from tests.identification.hanging_cable import LENGTH, curve, moved_by_hand, record_of, rolled_out
 
 PAIR = [np.array([0, 1])]
 TWO_PAIRS = [np.array([0, 1]), np.array([2, 3])]
@@ -89,10 +87,10 @@ def test_a_bend_follows_a_circle_and_does_not_twist() -> None:
 
 def test_a_rod_begins_as_fast_as_its_markers() -> None:
     """A swing that is cut out of a longer record goes on as it went."""
-    moved = _moved(record_of(curve(13), held_first=2, held_last=2, frames=160), aside=0.1)
+    moved = moved_by_hand(record_of(curve(13), held_first=2, held_last=2, frames=160), aside=0.1)
     body = marker_body(moved, None)
     model = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
-    whole = replace(moved, points=_rolled_out(model, body, moved))
+    whole = replace(moved, points=rolled_out(model, body, moved))
     later = slice(70, None)
     cut = replace(
         whole,
@@ -102,7 +100,7 @@ def test_a_rod_begins_as_fast_as_its_markers() -> None:
         controllers=whole.controllers[later],
     )
     goes_on, from_rest = (
-        np.linalg.norm(_rolled_out(model, body, cut, from_rest=each) - cut.points, axis=2).mean()
+        np.linalg.norm(rolled_out(model, body, cut, from_rest=each) - cut.points, axis=2).mean()
         for each in (False, True)
     )
     assert from_rest > 0.015
@@ -201,7 +199,7 @@ def test_a_rod_hangs_as_an_elastica(bending_length: float) -> None:
     episode = record_of(level, held_first=2, held_last=0, frames=400)
     body = marker_body(episode, None)
     model = rod_model(body, density=1000.0, rigidity=GRAVITY * bending_length**3, retardation_time=0.001, drag=8.0)
-    places = _rolled_out(model, body, episode)[-1] - level[1]
+    places = rolled_out(model, body, episode)[-1] - level[1]
     half = 0.5 * body.spacing
     whole = body.length + half
     ways = np.linspace(0.0, whole, 400)
@@ -225,10 +223,10 @@ def test_a_rod_hangs_as_an_elastica(bending_length: float) -> None:
 
 def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
     """What our simulator does with a rod is recovered."""
-    moved = _moved(record_of(curve(9), held_first=2, held_last=2, frames=200))
+    moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=200))
     body = marker_body(moved, None)
     planted = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
-    seen = _rolled_out(planted, body, moved)
+    seen = rolled_out(planted, body, moved)
     twin = build_marker_twin([replace(moved, points=seen)], None)
     assert np.ptp(seen, axis=0).max() > 0.05
     assert twin.provenance.settings["rmse_m"] < 1e-3
@@ -241,29 +239,14 @@ def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
 
 def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
     """What the search starts from, where no numbers explain all that is seen."""
-    moved = _moved(record_of(curve(9), held_first=2, held_last=2, frames=140), aside=0.1)
+    moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=140), aside=0.1)
     body = marker_body(moved, None)
     bare = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.0)
     planted = with_effect(bare, "quadratic_drag", {"coefficient": 10.0})
-    search = MarkerSearch(body, [replace(moved, points=_rolled_out(planted, body, moved))], {}, 1000.0)
+    search = MarkerSearch(body, [replace(moved, points=rolled_out(planted, body, moved))], {}, 1000.0)
     (rigidity, _, _), error = search.best(search.unknowns.sags)
     assert error > 2e-3
     assert np.exp(rigidity) == pytest.approx(0.02, rel=0.5)
-
-
-def _rolled_out(model: ObjectModel, body: MarkerBody, episode: Episode, *, from_rest: bool = False) -> np.ndarray:
-    """[T, P, 3] metres: where the markers of an episode are as its hands move the model."""
-    problem = place_markers(model, body.grasp, episode)
-    batch = batch_of_models(
-        [model],
-        [problem.controls],
-        starts=[problem.start],
-        velocities=None if from_rest else [problem.velocities],
-        ground_height=-10.0,
-    )
-    result = rollout(batch)
-    result.raise_on_failure()
-    return result.positions[0][:, problem.bound]
 
 
 def test_knobs_of_a_rod_are_those_that_are_searched() -> None:
@@ -273,17 +256,6 @@ def test_knobs_of_a_rod_are_those_that_are_searched() -> None:
     assert [knob.read(model) for knob in knobs] == pytest.approx([model.parameters.flexural_rigidity, 0.015, 0.5])
     softer = knobs[0].to(model, knobs[0].position_of(0.5 * model.parameters.flexural_rigidity))
     assert softer.parameters.flexural_rigidity == pytest.approx(0.5 * model.parameters.flexural_rigidity)
-
-
-def _moved(episode: Episode, *, aside: float = 0.0) -> Episode:
-    """One hand goes up and down, and to both sides by so many metres; all is at rest before."""
-    body = marker_body(episode, None)
-    slow = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=8.0)
-    at_rest = np.repeat(_rolled_out(slow, body, episode)[-1:], episode.frames, axis=0)
-    held = episode.controllers.copy()
-    swing = 1.0 - np.cos(2.0 * np.pi * 0.9 * episode.times)[:, None].astype(np.float32)
-    held[:, 2:, 1:] += swing[..., None] * np.array([aside, 0.08], np.float32)
-    return replace(episode, controllers=held, points=at_rest)
 
 
 def test_a_rod_follows_a_clamp_that_turns_by_less_than_markers_slip() -> None:

@@ -5,23 +5,34 @@ from dataclasses import replace
 import pytest
 
 from egophys_core.discrepancy.contest import contest
+from egophys_core.discrepancy.effects import LIBRARY
 from egophys_core.discrepancy.inquiry import Inquiry
-from egophys_core.discrepancy.knobs import base_knobs, effect_values
+from egophys_core.discrepancy.knobs import base_knobs, effect_values, with_effect
 from egophys_core.discrepancy.linear import linear_problem
+from egophys_core.discrepancy.markers import observe_markers
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.ranking import probe_effects, rank
 from egophys_core.discrepancy.refit import refit
 from egophys_core.discrepancy.residuals import observe
+from egophys_core.identification.marker_unknowns import rod_model
+from egophys_core.identification.markers import marker_body
+from tests.discrepancy.cantilever import twin_of
 from tests.discrepancy.rehearsed import WIND, episodes, sheet
+from tests.identification.hanging_cable import curve, moved_by_hand, record_of, rolled_out
 
 SCALE = 1e-3
 
 
 def contested(model, recorded, *chosen):
-    """A contest of effects on episodes, and the twin it begins with."""
+    """A contest of effects on episodes of the sheet, and the twin it begins with."""
     observations = [observe(sheet(), episode) for episode in recorded]
-    before = refit(observations, model, base_knobs(model, clamped=False), iterations=0, scale=SCALE)
-    probes = probe_effects(observations, model, before.residuals, without=(), progress=lambda share: None)
+    return contested_in(observations, model, base_knobs(model, clamped=False), chosen)
+
+
+def contested_in(observations, model, knobs, chosen, *, without=()):
+    """The same in episodes in which the twin has its place already."""
+    before = refit(observations, model, knobs, iterations=0, scale=SCALE)
+    probes = probe_effects(observations, model, before.residuals, without=without, progress=lambda share: None)
     ranking = rank(linear_problem(before.residuals, before.jacobian, SCALE), probes, shams=0, seed=0)
     options = DiagnosisOptions(refit_iterations=4)
     ended = contest(
@@ -65,3 +76,21 @@ def test_what_a_bad_twin_gains_by_an_effect_is_the_twins_and_not_the_effects():
     apparent = before.loss - ended.fits["viscoelasticity"].loss
     assert apparent > 30.0
     assert ended.before.loss - ended.fits["viscoelasticity"].loss < 0.2 * apparent
+
+
+def test_without_a_table_a_tilted_frame_is_refitted_where_tilted_gravity_explains_much():
+    moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=140))
+    body = marker_body(moved, None)
+    cable = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=1.0)
+    tilted = with_effect(cable, "gravity_tilt", {"about_x": 0.2, "about_y": 0.0})
+    seen = replace(moved, points=rolled_out(tilted, body, moved))
+    before, ended = contested_in(
+        [observe_markers(twin_of(body, cable), seen)],
+        cable,
+        base_knobs(cable, clamped=True),
+        ["constant_body_force"],
+        without=LIBRARY.keys() - {"constant_body_force", "gravity_tilt", "tracking_rotation"},
+    )
+    gains = {name: before.loss - fitted.loss for name, fitted in ended.fits.items()}
+    assert gains["gravity_tilt"] > 50.0
+    assert gains["tracking_rotation"] == pytest.approx(gains["gravity_tilt"], rel=0.1)

@@ -66,6 +66,9 @@ def contest(
     def gain(name: str) -> float:
         return before.loss - fits[name].loss
 
+    def gains() -> dict[str, float]:
+        return {name: gain(name) for name in fits}
+
     def own_starts(name: str) -> list[ObjectModel]:
         if name in earlier:
             return [earlier[name]]
@@ -80,8 +83,8 @@ def contest(
             progress(f"refit with {name}", 0.5)
             fits[name] = refit_with(name, own_starts(name))
         had = set(earlier)
-        while again := _again({name: gain(name) for name in fits}, observations[0].free) & effects.keys() - had:
-            best = max(fits, key=gain)
+        in_the_air = observations[0].free
+        while again := _again(best := max(fits, key=gain), gains(), in_the_air) & effects.keys() - had:
             had |= again
             for name in sorted(again):
                 progress(f"refit with {name} from where {best} led", 0.7)
@@ -98,9 +101,8 @@ def contest(
     return Contest(before=before, fits=fits)
 
 
-def _again(gains: Mapping[str, float], in_the_air: bool) -> set[str]:
+def _again(best: str, gains: Mapping[str, float], in_the_air: bool) -> set[str]:
     """The effects that start from where the best one led: its kin, and what mimics it and gains much."""
-    best = max(gains, key=gains.__getitem__)
     near = {name for name, gain in gains.items() if gain >= WORTH_ANOTHER * gains[best]}
     found = kin(best) | near.intersection(effect_named(best).mimics)
     # Without a table that lies aslant, too, a tilted frame is tilted gravity.

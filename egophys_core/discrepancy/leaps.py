@@ -30,6 +30,11 @@ def leapt(model: ObjectModel, effect: Effect, start: Mapping[str, float]) -> lis
     return [with_effect(model, effect.name, each) for each in values if each != at_null(effect, each)]
 
 
+def there_and_beyond(model: ObjectModel, effect: Effect, start: Mapping[str, float]) -> list[ObjectModel]:
+    """A model without the effect, with it at a start and at each of the leaps from there."""
+    return [with_effect(model, effect.name, dict(start)), *leapt(model, effect, start)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Leap:
     """An effect far from where the twin is, with the base as it is."""

@@ -10,13 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from egophys_core.discrepancy.knobs import with_effect
-from egophys_core.discrepancy.leaps import leapt
+from egophys_core.discrepancy.leaps import there_and_beyond
 from egophys_core.discrepancy.ranking import Ranked
 from egophys_core.discrepancy.refit import robust_loss
 from egophys_core.discrepancy.residuals import Observation, residuals
-from egophys_core.identification.marker_unknowns import DAMPING_RATIO, retardation_of, rigidity_of
-from egophys_core.simulation import longest_retardation
+from egophys_core.identification.marker_unknowns import DAMPING_RATIO, retardation_of, rigidity_of, with_bending
 from egophys_core.twin import ObjectModel
 
 LENGTHS = np.geomspace(0.03, 0.25, 8)
@@ -59,18 +57,17 @@ def rod_starts(
     """
     rods, found = _rods(model), dict[str, list[RodStart]]()
     for index, each in enumerate(effects):
-        effect = each.probe.effect
-        places = [
-            [with_effect(rod, effect.name, start), *leapt(rod, effect, start)]
+        models = [
+            there
             for start in each.starts[:PLACES]
             for rod in rods
+            for there in there_and_beyond(rod, each.probe.effect, start)
         ]
-        models = [there for place in places for there in place]
         results = residuals(observations, models)
         starts = [
             RodStart(model=there, residuals=[episode[row] for episode in results]) for row, there in enumerate(models)
         ]
-        found[effect.name] = sorted(starts, key=lambda start: start.loss(scale))[:KEPT]
+        found[each.name] = sorted(starts, key=lambda start: start.loss(scale))[:KEPT]
         progress((index + 1) / len(effects))
     return found
 
@@ -78,12 +75,9 @@ def rod_starts(
 def _rods(model: ObjectModel) -> list[ObjectModel]:
     """The rod from limp to stiff, hardly damped and in no fluid."""
     length = float(model.graph.rest_lengths.sum())
-    per_length = model.parameters.total_mass / length
-    rods = []
-    for share in LENGTHS:
-        rigidity = rigidity_of(share * length)
-        longest = longest_retardation(rigidity * per_length, model.graph.rest_lengths, model.node_masses)
-        time = min(retardation_of(rigidity, length, DAMPING_RATIO), longest)
-        turned = replace(model.parameters, flexural_rigidity=rigidity * per_length, retardation_time=time, drag=0.0)
-        rods.append(replace(model, parameters=turned))
-    return rods
+    free = replace(model, parameters=replace(model.parameters, drag=0.0))
+    rigidities = rigidity_of(LENGTHS * length)
+    return [
+        with_bending(free, rigidity=each, retardation_time=retardation_of(each, length, DAMPING_RATIO))
+        for each in map(float, rigidities)
+    ]

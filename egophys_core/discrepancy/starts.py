@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.discrepancy.knobs import part_way, turned, with_effect
-from egophys_core.discrepancy.leaps import leapt
+from egophys_core.discrepancy.leaps import there_and_beyond
 from egophys_core.discrepancy.ranking import Ranked
 from egophys_core.discrepancy.refit import Fitted, robust_loss
 from egophys_core.discrepancy.residuals import Observation, residuals
@@ -76,7 +76,7 @@ def starts_from_rival(
 def _afar(base: ObjectModel, ranked: Ranked) -> list[list[ObjectModel]]:
     """The ways to all starts of an effect: there, and leapt beyond."""
     effect = ranked.probe.effect
-    return [[with_effect(base, effect.name, start), *leapt(base, effect, start)] for start in ranked.starts]
+    return [there_and_beyond(base, effect, start) for start in ranked.starts]
 
 
 def _best_of_each(

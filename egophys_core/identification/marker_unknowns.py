@@ -155,14 +155,23 @@ def rod_model(
     model = ObjectModel(
         kind=ObjectKind.ROD,
         graph=body.graph,
-        parameters=replace(
-            _parameters(body, density=density, stiffness=axial / body.spacing, damping=0.0, drag=drag),
-            flexural_rigidity=rigidity * per_length,
-        ),
+        parameters=_parameters(body, density=density, stiffness=axial / body.spacing, damping=0.0, drag=drag),
         stiffness=(axial / lengths).astype(np.float32),
     )
-    time = min(retardation_time, longest_retardation(rigidity * per_length, lengths, model.node_masses))
-    return replace(model, parameters=replace(model.parameters, retardation_time=time))
+    return with_bending(model, rigidity=rigidity, retardation_time=retardation_time)
+
+
+def with_bending(model: ObjectModel, *, rigidity: float, retardation_time: float) -> ObjectModel:
+    """A rod that bends otherwise.
+
+    Args:
+        rigidity: flexural rigidity over mass per length, m^4/s^2.
+        retardation_time: seconds, taken to be as long as can be afforded at most.
+    """
+    lengths = model.graph.rest_lengths.astype(np.float64)
+    flexural = rigidity * model.parameters.total_mass / lengths.sum()
+    time = min(retardation_time, longest_retardation(flexural, lengths, model.node_masses))
+    return replace(model, parameters=replace(model.parameters, flexural_rigidity=flexural, retardation_time=time))
 
 
 def _parameters(

@@ -1,5 +1,6 @@
 """The client of scripts and tests, against an action server in this process."""
 
+import sys
 import threading
 import time
 
@@ -8,13 +9,16 @@ import rclpy
 import rclpy.action.client
 from action_msgs.msg import GoalStatus
 from egophys_msgs.action import BuildTwin
+from egophys_ros_common.qos import latched
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
+from std_msgs.msg import String
 
 pytestmark = pytest.mark.ros
 
 ACTION = "/answers_at_once"
+SHORT_SUBSCRIPTIONS = 300
 
 
 @pytest.fixture
@@ -66,3 +70,17 @@ def test_an_answer_that_comes_before_its_request_is_noted_is_not_lost(waiting_se
     assert handle.accepted
     assert len(client.cancel(handle).goals_canceling) == 1
     assert client.result(handle).status == GoalStatus.STATUS_CANCELED
+
+
+def test_the_client_outlives_subscriptions_that_end_while_it_turns_to_them(client):
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)  # the threads meet amid rclpy's preparations, as they do on a busy machine
+    try:
+        for _ in range(SHORT_SUBSCRIPTIONS):
+            with pytest.raises(TimeoutError, match="0 of 1 such messages"):
+                client.messages(String, "/nobody_publishes", 1, timeout=0.0)
+    finally:
+        sys.setswitchinterval(interval)
+    publisher = client.node.create_publisher(String, "/somebody_publishes", latched())
+    publisher.publish(String(data="heard"))
+    assert client.message(String, "/somebody_publishes", qos=latched()).data == "heard"

@@ -20,6 +20,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 
@@ -126,6 +127,18 @@ class NodeProcess:
             ) from None
 
 
+class _Executor(SingleThreadedExecutor):
+    """Goes on where another thread destroys what it is about to wait for; rclpy's ends (rclpy issue 1284)."""
+
+    def wait_for_ready_callbacks(self, *args: Any, **kwargs: Any) -> Any:
+        """The next callback to execute."""
+        while True:
+            try:
+                return super().wait_for_ready_callbacks(*args, **kwargs)
+            except InvalidHandle:
+                pass  # nothing has been taken yet, and what is gone is not waited for again
+
+
 class Client:
     """A node in this process. Its callbacks run on a thread of its own; all methods block, bounded."""
 
@@ -135,7 +148,7 @@ class Client:
         rclpy.init(context=self._context)
         self.node = rclpy.create_node(f"client_{os.getpid()}", context=self._context)
         self._group = ReentrantCallbackGroup()
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = _Executor(context=self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._executor.spin, name="client", daemon=True)
         self._thread.start()

@@ -271,7 +271,7 @@ def sags(judged: Judged) -> bool:
     How firmly it is gripped, how stiff it is and how much it weighs are one thing there: every recorded and rehearsed
     toy asks for an upward force of 1.6 to 2.9 m/s^2, also those that lack nothing (docs/notes/discrepancy.md).
     """
-    if judged.name not in ("gravity_scale", "constant_body_force") or judged.fitted.model.kind == ObjectKind.SHEET:
+    if judged.name not in ("gravity_scale", "constant_body_force") or judged.fitted.model.kind != ObjectKind.SOLID:
         return False
     force = judged.values
     return judged.name == "gravity_scale" or abs(force["z"]) > np.hypot(force["x"], force["y"])

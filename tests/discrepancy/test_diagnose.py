@@ -8,6 +8,7 @@ import pytest
 
 from egophys_core.discrepancy.diagnose import diagnose
 from egophys_core.discrepancy.diagnosis import Outcome
+from egophys_core.discrepancy.effects import LIBRARY
 from egophys_core.discrepancy.grip_fit import TOLD
 from egophys_core.discrepancy.options import DiagnosisOptions
 from egophys_core.discrepancy.saving import save_finding
@@ -21,12 +22,15 @@ from tests.twin.examples import make_twin
 
 QUICK = DiagnosisOptions(base_starts=2, shortlist=2, refit_iterations=3, shams=40, bootstraps=100)
 
+ASKED = {"constant_body_force", "gravity_tilt", "quadratic_drag", "uneven_mass", "viscoelasticity"}
+"""Effects, of which two explain a wind: each further one costs these tests ten seconds."""
+
 
 @pytest.fixture(scope="module")
 def wind(tmp_path_factory):
     """The diagnosis of a steady wind from three episodes, and the folder it was saved in."""
     away = make_episode(replace(sheet(), effects=(WIND,)), name="away", duration=3.2, carry=(-0.1, -0.1, 0.2))
-    finding = diagnose(make_twin(sheet()), [*episodes(WIND), away], QUICK)
+    finding = diagnose(make_twin(sheet()), [*episodes(WIND), away], QUICK, without=LIBRARY.keys() - ASKED)
     folder = tmp_path_factory.mktemp("wind") / "out"
     save_finding(finding, folder)
     return finding, folder
@@ -81,6 +85,12 @@ def test_an_episode_that_the_twin_does_not_follow_bears_nothing_out():
     assert "does not follow fallen" in diagnosis.reason
     measured = (*TOLD, "tracking_rotation")
     assert {each.proof_gain for each in diagnosis.candidates if each.name not in measured} == {None}
+
+
+@pytest.mark.slow
+def test_of_the_whole_library_nothing_but_a_steady_force_explains_a_wind():
+    diagnosis = diagnose(make_twin(sheet()), episodes(WIND), QUICK).diagnosis
+    assert {effect.name for effect in diagnosis.effects} == {"constant_body_force", "gravity_tilt"}
 
 
 @pytest.mark.slow

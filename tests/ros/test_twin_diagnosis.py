@@ -11,6 +11,7 @@ from egophys_ros_common.qos import latched
 from std_msgs.msg import UInt8MultiArray
 
 from egophys_core.discrepancy.diagnosis import Outcome
+from egophys_core.discrepancy.effects import LIBRARY
 from egophys_core.twin import decode_twin, load_twin
 from tests.ros.cloth import NAME, OPTIONS_JSON, SEED
 
@@ -24,6 +25,9 @@ SMALL = {
     "diagnosis.shams": 20,
     "diagnosis.bootstraps": 50,
 }
+WITHOUT = sorted(LIBRARY.keys() - {"quadratic_drag", "constant_body_force"})
+"""Effects that would only take time."""
+
 LONG = {"diagnosis.refit_iterations": 50, "diagnosis.shortlist": 24}
 
 
@@ -34,6 +38,7 @@ def asked(bag, output, options=SMALL, **fields):
         "output_folder": str(output),
         "options_json": options if isinstance(options, str) else json.dumps(options),
         "seed": SEED,
+        "without": WITHOUT,
         **fields,
     }
 
@@ -75,6 +80,7 @@ def test_a_diagnosis_puts_the_improved_twin_into_use(start_twin_node, client, ba
     assert len({each.stage for each in seen}) > 2
 
     assert client.message(TwinInfo, f"{NODE}/info", qos=latched()).twin_id == result.info.twin_id
+    assert {each["name"] for each in content["candidates"]}.isdisjoint(WITHOUT)
     model = decode_twin(bytes(client.message(UInt8MultiArray, f"{NODE}/model", qos=latched()).data), name="model")
     assert model.twin_id == result.info.twin_id == load_twin(tmp_path / "found/improved.twin").twin_id
     assert wait_for_job(client, BuildJob.SUCCEEDED).job_id == handle.goal_id
@@ -84,7 +90,7 @@ def test_the_service_starts_the_same_job_for_a_twin_that_is_not_in_use(
     start_twin_node, client, bag, twin, twin_file, tmp_path
 ):
     start_twin_node()
-    answer = start_diagnosis(client, bag, tmp_path / "found", twin_path=str(twin_file), without=["uneven_mass"])
+    answer = start_diagnosis(client, bag, tmp_path / "found", twin_path=str(twin_file))
     assert answer.accepted, answer.message
     job = wait_for_job(client, BuildJob.SUCCEEDED)
     assert job.job_id == answer.job_id

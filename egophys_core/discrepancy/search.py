@@ -169,8 +169,8 @@ def _judged(
         judged = proven(judged, before, inquiry.proofs)
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}
     second = bool(before.model.effects)
-    # Free rollouts of a few markers drift, and have no such floor.
-    residual_m = 0.0 if inquiry.observations[0].free else median_size(before.residuals)
     law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0
-    verdict = decide(judged, p_null, law_gain, len(inquiry.observations), second=second, residual_m=residual_m)
+    verdict = decide(
+        judged, p_null, law_gain, len(inquiry.observations), second=second, residual_m=median_size(before.residuals)
+    )
     return Search(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)

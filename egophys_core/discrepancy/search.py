@@ -13,7 +13,7 @@ from egophys_core.discrepancy.linear import linear_problem
 from egophys_core.discrepancy.ranking import Probe, Ranked, Ranking, probe_effects, rank
 from egophys_core.discrepancy.refit import Fitted, median_size, refit_further, robust_loss
 from egophys_core.discrepancy.rod_starts import RodStart, rod_starts
-from egophys_core.discrepancy.verdict import FLOOR_M, LARGEST_P, LEAST_GAIN, Verdict, decide
+from egophys_core.discrepancy.verdict import FLOOR_M, LARGEST_P, LEAST_GAIN, Verdict, decide, explaining
 from egophys_core.twin import ObjectKind, ObjectModel
 
 WORTH_REFITTING = LEAST_GAIN / 6.0
@@ -145,7 +145,8 @@ def _judged(
     options = inquiry.options
     ranking, worth = survey.ranking(before.scale, shams=options.shams, seed=inquiry.seed)
     kind = before.model.kind
-    always = ALWAYS_IN_A_CLAMP if inquiry.observations[0].free and kind == ObjectKind.SOLID else ALWAYS[kind]
+    free = inquiry.observations[0].free
+    always = ALWAYS_IN_A_CLAMP if free and kind == ObjectKind.SOLID else ALWAYS[kind]
     chosen = {*(each.name for each in worth[: options.shortlist]), *always, *earlier}
     ended = contest(
         inquiry,
@@ -171,6 +172,11 @@ def _judged(
     second = bool(before.model.effects)
     law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0
     verdict = decide(
-        judged, p_null, law_gain, len(inquiry.observations), second=second, residual_m=median_size(before.residuals)
+        explaining(judged, survey.fitted.scale) if free else judged,
+        p_null,
+        law_gain,
+        len(inquiry.observations),
+        second=second,
+        residual_m=median_size(before.residuals),
     )
     return Search(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)

@@ -78,6 +78,10 @@ FLOOR_M = 0.002
 """Metres: median residual from which a twin lacks something, whatever it may be; those without an effect left 0.5 to
 1.3 mm, a sheet under a force to and fro 3.2."""
 
+MOST_LEFT = 0.7
+"""Share of what a free rollout misses that an effect may leave where that is beyond `FLOOR_M`. A cable that a thread
+held was said to feel a steady force of 8 m/s^2, which left 33 mm of 38."""
+
 PROVEN, PROOF_GAIN = 0.1, 15.0
 """Share of an effect's gain that it must gain in episodes that took no part in the fit, where there are any, and the
 gain there that is enough in any case: a tether that pulled in two motions was slack for the most part of the third."""
@@ -151,6 +155,11 @@ def borne_out(judged: Judged) -> bool:
     none for its large one (a planted drag gained 189, 247 in a third motion, and -359 in the large one that way).
     """
     return len(judged.proof_gains) > 0 and float(judged.proof_gains.sum()) >= judged.gain
+
+
+def explaining(judged: Sequence[Judged], missed_m: float) -> list[Judged]:
+    """Those that leave clearly less than a free rollout misses without them, or no more than a twin's own mismatch."""
+    return [each for each in judged if each.left_m <= max(FLOOR_M, MOST_LEFT * missed_m)]
 
 
 def remains(judged: Judged) -> bool:

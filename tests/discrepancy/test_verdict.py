@@ -19,6 +19,7 @@ from egophys_core.discrepancy.verdict import (
     STRUCTURE_GAIN,
     UNPROVEN_GAIN,
     decide,
+    explaining,
 )
 from egophys_core.twin import ObjectKind
 from tests.simulation.scenes import sheet_model
@@ -314,6 +315,13 @@ def test_a_toy_alone_may_sag_less_than_its_twin_without_being_pulled_up(up, kind
     body = SimpleNamespace(model=SimpleNamespace(kind=ObjectKind(kind)))
     found = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force, fitted=body)
     assert len(decide([found], {"constant_body_force": 0.01}, 0.0, 2).judged) == named
+
+
+def test_what_leaves_most_of_what_a_free_rollout_misses_does_not_explain_it():
+    left = {"quadratic_drag": 0.6, "control_delay": 0.8}
+    for missed_m, names in ((2 * FLOOR_M, ["quadratic_drag"]), (FLOOR_M, ["quadratic_drag", "control_delay"])):
+        found = [judged(name, CLEAR, left_m=share * missed_m) for name, share in left.items()]
+        assert [each.name for each in explaining(found, missed_m)] == names
 
 
 def test_one_episode_names_nothing_and_says_what_to_record():

@@ -32,6 +32,9 @@ STEP, FRAME = 0.00025, 0.01
 SETTLING, SETTLING_DRAG = 4.0, 8.0
 """Seconds from lying straight to hanging between the hands, before a record; 1/s, of a drag that brings it to rest."""
 
+COILED = 2.0
+"""1/m, how much a cable is bent by nature that was kept on a coil, if it was: to the side, as the hands hold it."""
+
 FREE_MARKERS, HELD = 9, 2
 """Evenly spread between the hands; at each end of them, where a hand holds the last piece by both its ends."""
 
@@ -89,7 +92,14 @@ MOTIONS = (
 )
 
 
-def record(hanging: Hanging, *, seconds: float, effects: Mapping[str, Mapping[str, float]], seed: int) -> Episode:
+def record(
+    hanging: Hanging,
+    *,
+    seconds: float,
+    effects: Mapping[str, Mapping[str, float]],
+    seed: int,
+    natural_bend: float = 0.0,
+) -> Episode:
     """The markers of a moved cable, 100 frames a second.
 
     Args:
@@ -98,10 +108,11 @@ def record(hanging: Hanging, *, seconds: float, effects: Mapping[str, Mapping[st
         effects: planted ones, as in `egophys_core.rehearsal.planting`; what is at rest there hangs here when the record
             begins, or lies straight from (0, 0, 1) to (1, 0, 1) for a lump.
         seed: of the markers' noise.
+        natural_bend: 1/m, of the cable when nothing acts on it, aside.
     """
     planted = complete_effects(effects)
     mujoco = load_mujoco()
-    model: Any = mujoco.MjModel.from_xml_string(_scene())
+    model: Any = mujoco.MjModel.from_xml_string(_scene(_arc(natural_bend)))
     data: Any = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     first = model.body("cB_first").id
@@ -114,7 +125,8 @@ def record(hanging: Hanging, *, seconds: float, effects: Mapping[str, Mapping[st
         mujoco.mj_setConst(model, data)
     masses = model.body_mass[pieces].copy()
     terms = [make(planted[name]) for name, make in FIELDS.items() if name in planted]
-    straight = np.array([[0.0, 0.0, 1.0, 0.0, 0.0], [LENGTH, 0.0, 1.0, 0.0, 0.0]])
+    half_turn = 0.5 * natural_bend * LENGTH * (1.0 - 1.0 / PIECES)
+    lying = np.array([[0.0, 0.0, 1.0, -half_turn, 0.0], [*data.site("cS_last").xpos, half_turn, 0.0]])
     before = data.xipos[pieces].copy()
 
     def advance(time: float, hands: np.ndarray, drag: float) -> None:
@@ -138,7 +150,7 @@ def record(hanging: Hanging, *, seconds: float, effects: Mapping[str, Mapping[st
     for step in range(int(SETTLING / STEP)):
         share = min(step * STEP / (0.4 * SETTLING), 1.0)
         eased = share * share * (3.0 - 2.0 * share)
-        advance(step * STEP - SETTLING, straight + eased * (hanging(0.0) - straight), SETTLING_DRAG)
+        advance(step * STEP - SETTLING, lying + eased * (hanging(0.0) - lying), SETTLING_DRAG)
     if "hidden_tether" in planted:
         terms.append(hidden_tether(planted["hidden_tether"], before))
     delay = planted.get("control_delay", {"delay": 0.0})["delay"]
@@ -179,7 +191,16 @@ def _put(data: Any, hands: np.ndarray) -> None:
     data.mocap_quat[:] = Rotation.from_euler("zy", hands[:, 3:]).as_quat()[:, [3, 0, 1, 2]]
 
 
-def _scene() -> str:
+def _arc(bend: float) -> np.ndarray:
+    """[PIECES + 1, 3] metres from the first end: a cable that lies level and is bent so much, 1/m, along x."""
+    turns = bend * LENGTH / PIECES * (np.arange(PIECES) - 0.5 * (PIECES - 1))
+    steps = LENGTH / PIECES * np.stack([np.cos(turns), np.sin(turns), np.zeros(PIECES)], axis=1)
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
+def _scene(lying: np.ndarray) -> str:
+    """With a cable that is at rest along places [PIECES + 1, 3], metres."""
+    vertices = " ".join(f"{number:.9f}" for number in lying.ravel())
     piece = LENGTH / PIECES
     # Half a ball at both ends of each is of the piece, too.
     volume = np.pi * RADIUS**2 * piece + 4.0 / 3.0 * np.pi * RADIUS**3
@@ -190,10 +211,10 @@ def _scene() -> str:
   <worldbody>
     <body name="left" mocap="true" pos="0 0 1"/>
     <body name="right" mocap="true" pos="{LENGTH} 0 1"/>
-    <composite type="cable" prefix="c" curve="s 0 0" count="{PIECES + 1} 1 1" size="{LENGTH} 0 0" offset="0 0 1"
-        initial="free">
+    <composite type="cable" prefix="c" vertex="{vertices}" offset="0 0 1" initial="free">
       <plugin plugin="mujoco.elasticity.cable">
         <config key="twist" value="{MODULUS}"/><config key="bend" value="{MODULUS}"/><config key="vmax" value="0"/>
+        <config key="flat" value="false"/>
       </plugin>
       <joint kind="main" damping="{DAMPING}"/>
       <geom type="capsule" size="{RADIUS}" density="{MASS / PIECES / volume}" contype="0" conaffinity="0"/>

@@ -9,7 +9,7 @@ import numpy as np
 from egophys_core.discrepancy.effects import Effect, Parameter, TwinEffect, effect_named
 from egophys_core.simulation import longest_retardation
 from egophys_core.twin import ObjectKind, ObjectModel, SpringKind
-from egophys_core.twin.parameters import GRAVITY
+from egophys_core.twin.parameters import GRAVITY, NATURAL_BEND
 
 STIFFEST = 1e6
 """1/s^2, largest spring stiffness over node mass: a held toy may not sag where the real one does not."""
@@ -17,6 +17,9 @@ STIFFEST = 1e6
 
 SHORTEST = 0.2
 """Of its length as seen: the rest length that a spring has at least, however soft."""
+
+BEND_STEP = 0.2
+"""Rad by which a rod turns from one end to the other by nature: a step."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +88,8 @@ def base_knobs(model: ObjectModel, *, clamped: bool) -> tuple[Knob, ...]:
 
 
 def _rod_knobs(model: ObjectModel) -> tuple[Knob, ...]:
-    """How a rod resists bending and how it is damped; it hardly stretches, and its clamps do not give way."""
+    """How a rod resists bending, how it is damped and how it is bent by nature; it hardly stretches, and its clamps do
+    not give way."""
     length = float(model.graph.rest_lengths.sum())
     # A rod of these rigidities bends under its own weight within 1 % of its length, and within all of it.
     low, high = (model.parameters.total_mass * GRAVITY * share**3 * length**2 for share in (0.01, 1.0))
@@ -94,6 +98,10 @@ def _rod_knobs(model: ObjectModel) -> tuple[Knob, ...]:
         _number("flexural_rigidity", low, high, step=0.1, unit="N m^2", logarithmic=True),
         _number("retardation_time", min(1e-5, longest / 2.0), longest, step=0.5, unit="s", logarithmic=True),
         _number("drag", 0.0, 20.0, step=0.2, unit="1/s"),
+        *(
+            _number(name, -2.0 * np.pi / length, 2.0 * np.pi / length, step=BEND_STEP / length, unit="1/m")
+            for name in NATURAL_BEND
+        ),
     )
 
 

@@ -43,6 +43,9 @@ DAMPING_S = 1e-5
 DAMPING_RATIO = 0.02
 """First guess of how a rod's first mode between two clamps is damped."""
 
+NATURAL_TURN = 0.1
+"""Rad by which a rod turns from one end to the other by nature: first step."""
+
 FIRST_MODE = 22.4
 """Rate in rad/s of that mode, of a rod of 1 m and 1 m^4/s^2 (Rao, Mechanical Vibrations, sec. 8.5)."""
 
@@ -96,7 +99,8 @@ def lattice_unknowns(body: MarkerBody, known: int, density: float) -> Unknowns:
 
 
 def rod_unknowns(body: MarkerBody, density: float) -> Unknowns:
-    """Flexural rigidity over mass per length, m^4/s^2, and damping ratio of the first mode between two clamps.
+    """Flexural rigidity over mass per length, m^4/s^2, and damping ratio of the first mode between two clamps; and how
+    the rod is bent by nature, 1/m to its level left and up.
 
     How a rod points is told by the curve that it is seen on. If hands move it, it swings whatever its drag is.
     """
@@ -105,13 +109,17 @@ def rod_unknowns(body: MarkerBody, density: float) -> Unknowns:
     def model(numbers: np.ndarray) -> tuple[MarkerBody, ObjectModel]:
         rigidity, ratio = (float(number) for number in np.exp(numbers[:2]))
         time = retardation_of(rigidity, body.length, ratio)
-        return body, rod_model(body, density=density, rigidity=rigidity, retardation_time=time, drag=float(numbers[2]))
+        drag, level, up = (float(number) for number in numbers[2:])
+        rod = rod_model(body, density=density, rigidity=rigidity, retardation_time=time, drag=drag)
+        return body, replace(rod, parameters=replace(rod.parameters, natural_bend_level=level, natural_bend_up=up))
 
     return Unknowns(
-        steps=np.array([0.1, 0.7, 0.3]),
-        low=np.array([-np.inf, -np.inf, 0.0]),
-        sags=np.array([[each, np.log(DAMPING_RATIO), drag] for drag, each in product(DRAGS_OF_A_ROD, rigidities)]),
-        swing=np.array([np.nan, np.nan, np.nan]),
+        steps=np.array([0.1, 0.7, 0.3, *[NATURAL_TURN / body.length] * 2]),
+        low=np.array([-np.inf, -np.inf, 0.0, -np.inf, -np.inf]),
+        sags=np.array(
+            [[each, np.log(DAMPING_RATIO), drag, 0.0, 0.0] for drag, each in product(DRAGS_OF_A_ROD, rigidities)]
+        ),
+        swing=np.full(5, np.nan),
         model=model,
     )
 

@@ -2,7 +2,7 @@
 
 Held points stand for a clamp: the layer of the lattice nearest to them is its face, and moves with them as one piece.
 A node in the middle of the other end's face carries a load; neither it nor markers weigh anything. What is slender is a
-rod (`rods.py`), a line instead of a lattice: straight at rest, however it is bent where it is first seen.
+rod (`rods.py`), a line instead of a lattice: straight, or bent alike all along, when nothing acts on it.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from egophys_core.identification.rods import PIECES, SLENDER, Chain, bend_to, fi
 from egophys_core.identification.statics import equilibrium
 from egophys_core.identification.template import Lattice, Template, box_template, cut, lattice
 from egophys_core.simulation import ContactKind, Controls
-from egophys_core.twin import GRAVITY, ObjectKind, ObjectModel, SpringGraph, SpringKind, chain
+from egophys_core.twin import GRAVITY, ObjectKind, ObjectModel, SpringGraph, SpringKind, chain, level_axes
 
 MOST_MARKERS = 12
 """Tracks up to which an episode is one of markers: fewer than the patches of a seen surface."""
@@ -199,8 +199,8 @@ def _rod_body(held: np.ndarray, tracks: np.ndarray, along: Chain, template: Temp
         volume=section * float(np.ptp(reaches)),
         length=length,
         notes=(
-            f"a rod: {1000 * length:.1f} mm of it are free, along the curve through held points and markers, straight "
-            "at rest",
+            f"a rod: {1000 * length:.1f} mm of it are free, along the curve through held points and markers, "
+            "alike all along",
         ),
     )
 
@@ -376,16 +376,7 @@ def _frame(episode: Episode, clamps: Sequence[np.ndarray], tracks: np.ndarray) -
     span = float(np.linalg.norm(far - near))
     if span < 1e-3:
         raise EpisodeError(f"{episode.name}: the held points lie amid the markers and tell no direction")
-    return _axes(far - near), near, span
-
-
-def _axes(direction: np.ndarray) -> np.ndarray:
-    """[3, 3] axes as rows: one along a direction [3], one level, and the one across both."""
-    along = direction / np.linalg.norm(direction)
-    up = np.array([0.0, 0.0, 1.0]) if abs(along[2]) < 0.9 else np.array([1.0, 0.0, 0.0])
-    level = np.cross(up, along)
-    level /= np.linalg.norm(level)
-    return np.stack([along, level, np.cross(along, level)])
+    return level_axes(far - near), near, span
 
 
 def _bar(tracks: np.ndarray, frame: np.ndarray, near: np.ndarray, span: float) -> Template:

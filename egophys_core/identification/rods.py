@@ -1,4 +1,4 @@
-"""Rods: slender objects, as a cable, straight at rest and bent in every record along the curve of what is seen.
+"""Rods: slender objects, as a cable, alike all along and bent in every record along the curve of what is seen.
 
 Held points and markers of a cable lie on its centre line, one after the other, and tell its curve in a frame: a spline
 through them. Its twin is its centre line, as long as the curve, which hardly stretches and resists bending.

@@ -22,6 +22,9 @@ class ForceEffect:
     add_forces: wp.Function
     numbers: np.ndarray
     """[K, P_e] float32, the effect's parameters in SI units, in the order it reads them."""
+    settle: wp.Kernel | None = None
+    """Launched at the start of each frame, for each lane group, with `column`, the number of nodes, `state` and
+    `numbers`, of which it writes the effect's own: what settles before nodes have moved."""
     rates: np.ndarray | None = None
     """[K, 2] largest omega^2, 1/s^2, and damping rate, 1/s, of what it adds, if that asks for shorter substeps."""
 

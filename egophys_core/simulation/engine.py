@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import warp as wp
 
 from egophys_core.discrepancy.effects.effect import Scene
 from egophys_core.errors import SimulationError
@@ -86,6 +87,11 @@ class Engine:
         self.parameters = parameter_arrays(batch, device, requires_grad=requires_grad)
         self.numbers = effect_numbers(batch, device, requires_grad=requires_grad)
         self.effects = effect_terms(batch)
+        self.settling = [
+            (effect.settle, column)
+            for effect, (_, column) in zip(batch.effects, self.effects, strict=True)
+            if effect.settle
+        ]
         self.controller_arrays = controller_arrays(
             self.groups, self.controllers.shape[2], device, requires_grad=requires_grad
         )
@@ -117,6 +123,8 @@ class Engine:
         self.segments.append(segment)
         if self.loads is not None:
             segment = self._loaded(self.loads, frame, segment)
+        for settle, column in self.settling:
+            wp.launch(settle, self.groups, inputs=[column, self.nodes, self.state, self.numbers], device=self.device)
         frames = np.full(self.batch.count, frame)
         self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
         self._record_divergence(frame, segment)
@@ -140,7 +148,10 @@ class Engine:
             record = np.stack([controls.positions[frame : frame + 2] for controls in self.batch.controls])
             self.controllers[:, frame] = record[:, 0] + before
             self.controllers[:, frame + 1] = record[:, 1] + after
-        self.numbers.assign(pack(loads.numbers))
+        # The last effect's; what the others have settled stays.
+        numbers = self.numbers.numpy()
+        numbers[:, -loads.numbers.shape[1] :] = pack(loads.numbers)
+        self.numbers.assign(numbers)
         if not loads.springs_change:
             return segment
         self.springs.stiffness.assign(pack(loads.stiffness))

@@ -71,8 +71,8 @@ class Loads:
         self.memories: list[list[Any]] = [[None] * len(actions) for actions in batch.actions]
         self.grip_shifts = np.zeros((batch.count, batch.controls[0].positions.shape[1], 3))
         """[K, C, 3] metres, at the start of the frame."""
-        self.numbers = np.concatenate([effect.numbers for effect in batch.effects], axis=1)
-        """[K, P], the numbers of all effects; the last columns are the node loads."""
+        self.numbers = batch.effects[-1].numbers.copy()
+        """[K, N PER_NODE], the node loads."""
         self.stiffness, self.rest_lengths = batch.stiffness.copy(), batch.rest_lengths.copy()
         """[K, E], as loaded."""
         self.springs_change = False
@@ -114,7 +114,7 @@ class Loads:
             if rest_shift is not None:
                 self.rest_lengths[row] = self.batch.rest_lengths[row] + rest_shift
             self.springs_change |= factor is not None or rest_shift is not None
-        self.numbers[:, -node_loads[0].size :] = node_loads.reshape(len(node_loads), -1)
+        self.numbers[:] = node_loads.reshape(len(node_loads), -1)
         self.grip_shifts = shifts
         return shifts
 

@@ -10,13 +10,16 @@ from egophys_core.discrepancy.effects import effect_named
 from egophys_core.discrepancy.effects.effect import Action, Body
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.batch import RolloutBatch
-from egophys_core.simulation.controls import Controls
+from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.effects import ForceEffect
 from egophys_core.simulation.frames import into_world, into_world_directions
 from egophys_core.simulation.loads import with_actions
 from egophys_core.simulation.rod_bending import rod_bending
 from egophys_core.simulation.springs import UNLIMITED
 from egophys_core.twin import ObjectKind, ObjectModel, SpringKind, resting_height
+
+SAME_PLACE = 1e-4
+"""Metres between a node and the controller point that holds it."""
 
 
 def batch_of_models(
@@ -81,7 +84,7 @@ def batch_of_models(
             replace(model.parameters, gravity=body.gravity) for model, body in zip(models, bodies, strict=True)
         ),
         controls=tuple(_driven(model, each) for model, each in zip(models, controls, strict=True)),
-        effects=_bending(models, masses),
+        effects=_bending(models, masses, np.stack(positions), controls),
         flat=first.kind == ObjectKind.SHEET,
         ground_height=ground_height,
         frames=frames,
@@ -89,12 +92,22 @@ def batch_of_models(
     return with_actions(batch, tuple(_actions(model) for model in models))
 
 
-def _bending(models: Sequence[ObjectModel], masses: np.ndarray) -> tuple[ForceEffect, ...]:
-    """What rods of masses [K, N] kg resist besides being stretched."""
+def _bending(
+    models: Sequence[ObjectModel], masses: np.ndarray, starts: np.ndarray, controls: Sequence[Controls]
+) -> tuple[ForceEffect, ...]:
+    """What rods of masses [K, N] kg that begin at starts [K, N, 3], metres, resist besides being stretched."""
     if models[0].kind != ObjectKind.ROD:
         return ()
     lengths = np.stack([model.graph.rest_lengths for model in models])
-    return (rod_bending([model.parameters for model in models], lengths, masses),)
+    far_clamps = [_holds(each, start[-1]) for each, start in zip(controls, starts, strict=True)]
+    parameters = [model.parameters for model in models]
+    return (rod_bending(parameters, lengths, masses, starts, np.array(far_clamps)),)
+
+
+def _holds(controls: Controls, place: np.ndarray) -> bool:
+    """Whether a controller point holds a place [3], metres, from the start on."""
+    holding = controls.positions[0, controls.contact[0] == ContactKind.HOLD]
+    return bool((np.linalg.norm(holding - place, axis=1) < SAME_PLACE).any())
 
 
 def _loaded(body: Body, controls: Controls) -> np.ndarray:

@@ -59,7 +59,8 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
     if not wp.get_device(device).is_cpu:
         return _in_frames(_run(batch, longest_substep, device), batch.frames)
     # Loaded here, before threads ask for it at the same time.
-    wp.load_module(frame_kernel(effect_terms(batch)).module, device=device)
+    for kernel in (frame_kernel(effect_terms(batch)), *(each.settle for each in batch.effects if each.settle)):
+        wp.load_module(kernel.module, device=device)
     groups = group_count(batch.count)
     # What acts on rollouts is decided by Python code, for which threads would wait longer than they work.
     workers = 1 if batch.actions else min(groups, usable_cores())

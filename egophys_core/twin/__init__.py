@@ -1,5 +1,6 @@
 """The twin of an object: its spring graph, parameters, provenance, and its file."""
 
+from egophys_core.twin.directions import level_axes
 from egophys_core.twin.graph import SpringGraph, SpringKind, bridge_components, connect, connected_components
 from egophys_core.twin.model import ObjectKind, ObjectModel, chain, per_kind, resting_height
 from egophys_core.twin.parameters import GRAVITY, PhysicalParameters
@@ -21,6 +22,7 @@ __all__ = [
     "connected_components",
     "decode_twin",
     "encode_twin",
+    "level_axes",
     "load_twin",
     "per_kind",
     "resting_height",

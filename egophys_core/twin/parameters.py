@@ -10,6 +10,9 @@ from egophys_core.errors import TwinError
 GRAVITY = 9.81
 """Standard gravity to the accuracy that matters here, m/s^2."""
 
+NATURAL_BEND = ("natural_bend_level", "natural_bend_up")
+"""Parameters of a rod, which alone may be negative."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PhysicalParameters:
@@ -39,6 +42,10 @@ class PhysicalParameters:
     """Of a rod: bending moment over curvature, N m^2 (E I)."""
     retardation_time: float = 0.0
     """Of a rod, seconds: a moment of this times the flexural rigidity times the rate of curvature damps its bending."""
+    natural_bend_level: float = 0.0
+    """Of a rod, 1/m: how much it is bent when nothing acts on it, to its level left (`level_axes`)."""
+    natural_bend_up: float = 0.0
+    """The same, to above."""
     restitution: float = 0.0
     """Share of the normal speed kept in a bounce off the table, 0..1."""
     friction: float = 0.5
@@ -67,7 +74,7 @@ class PhysicalParameters:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if not np.isfinite(value) or value < 0:
+            if not np.isfinite(value) or (value < 0 and field.name not in NATURAL_BEND):
                 raise TwinError(f"{field.name} must be finite and not negative, got {value}")
         for name in ("total_mass", "stiffness", "controller_radius"):
             if getattr(self, name) == 0:

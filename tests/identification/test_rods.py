@@ -137,7 +137,7 @@ def test_markers_side_by_side_share_a_node() -> None:
     assert np.abs(reaches - 0.3 - near / 2).min() == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_rod_is_straight_at_rest_and_begins_as_it_is_seen() -> None:
+def test_a_rod_is_built_straight_and_begins_as_it_is_seen() -> None:
     episode = record_of(curve(13), held_first=2, held_last=2)
     body = marker_body(episode, None)
     assert body.kind == ObjectKind.ROD
@@ -237,6 +237,25 @@ def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
     assert "rod" in twin.provenance.settings["assumed"][0]
 
 
+def test_a_natural_bend_is_found() -> None:
+    """Of a cable that was kept on a coil, and begins where it hangs."""
+    moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=200), aside=0.1)
+    body = marker_body(moved, None)
+    straight = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
+    coiled = replace(
+        straight, parameters=replace(straight.parameters, natural_bend_level=1.5, natural_bend_up=-0.8, drag=8.0)
+    )
+    hanging = rolled_out(coiled, body, replace(moved, controllers=np.repeat(moved.controllers[:1], 200, axis=0)))
+    there = replace(moved, points=np.repeat(hanging[-1:], moved.frames, axis=0))
+    lively = replace(coiled, parameters=replace(coiled.parameters, drag=0.5))
+    seen = replace(there, points=rolled_out(lively, body, there))
+    twin = build_marker_twin([seen], None)
+    assert twin.provenance.settings["rmse_m"] < 1e-3
+    # How much it is bent upwards is nearly the same as how stiff it is.
+    assert twin.model.parameters.natural_bend_level == pytest.approx(1.5, abs=0.3)
+    assert -1.2 < twin.model.parameters.natural_bend_up < -0.2
+
+
 def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
     """What the search starts from, where no numbers explain all that is seen."""
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=140), aside=0.1)
@@ -244,7 +263,7 @@ def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
     bare = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.0)
     planted = with_effect(bare, "quadratic_drag", {"coefficient": 10.0})
     search = MarkerSearch(body, [replace(moved, points=rolled_out(planted, body, moved))], {}, 1000.0)
-    (rigidity, _, _), error = search.best(search.unknowns.sags)
+    (rigidity, *_), error = search.best(search.unknowns.sags)
     assert error > 2e-3
     assert np.exp(rigidity) == pytest.approx(0.02, rel=0.5)
 
@@ -253,7 +272,8 @@ def test_knobs_of_a_rod_are_those_that_are_searched() -> None:
     body = marker_body(record_of(curve(9), held_first=2, held_last=2), None)
     model = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
     knobs = base_knobs(model, clamped=True)
-    assert [knob.read(model) for knob in knobs] == pytest.approx([model.parameters.flexural_rigidity, 0.015, 0.5])
+    expected = [model.parameters.flexural_rigidity, 0.015, 0.5, 0.0, 0.0]
+    assert [knob.read(model) for knob in knobs] == pytest.approx(expected)
     softer = knobs[0].to(model, knobs[0].position_of(0.5 * model.parameters.flexural_rigidity))
     assert softer.parameters.flexural_rigidity == pytest.approx(0.5 * model.parameters.flexural_rigidity)
 

@@ -117,6 +117,15 @@ def push(group: int, row: int, lane: int, force: wp.vec3, numbers: wp.array2d(dt
         numbers[group, row + axis][lane] += force[axis]
 
 
+@wp.func
+def bent_at(group: int, node: int, lane: int, axis: wp.vec3, bend: wp.vec3, positions: wp.array3d(dtype=Lanes)):
+    """The ways to a node and on from it, metres, the line's direction there, and the natural bend at an angle of 0."""
+    before = way(group, node, lane, positions)
+    onward = way(group, node + 1, lane, positions)
+    here = wp.normalize(before + onward)
+    return before, onward, here, brought_along(axis, here, bend)
+
+
 @wp.kernel(enable_backward=False)
 def settle_sections(column: int, nodes: int, state: StateArrays, numbers: wp.array2d(dtype=Lanes)):
     """Turn the sections of the rods of a lane group to where they are at rest, and find the forces on their nodes."""
@@ -132,11 +141,8 @@ def settle_sections(column: int, nodes: int, state: StateArrays, numbers: wp.arr
             row = rows + node * PER_NODE
             length = numbers[group, lengths + node - 1][lane]
             next_length = numbers[group, lengths + node][lane]
-            before = way(group, node, lane, state.positions)
-            onward = way(group, node + 1, lane, state.positions)
+            before, onward, here, natural = bent_at(group, node, lane, axis, bend, state.positions)
             turn = onward / next_length - before / length
-            here = wp.normalize(before + onward)
-            natural = brought_along(axis, here, bend)
             before = wp.normalize(before)
             onward = wp.normalize(onward)
             beside = 1.0 + wp.dot(axis, before) + wp.dot(before, onward) + wp.dot(onward, axis)
@@ -156,10 +162,7 @@ def settle_sections(column: int, nodes: int, state: StateArrays, numbers: wp.arr
             next_angle = numbers[group, row + PER_NODE + ANGLE][lane]
             length = numbers[group, lengths + node - 1][lane]
             next_length = numbers[group, lengths + node][lane]
-            before = way(group, node, lane, state.positions)
-            onward = way(group, node + 1, lane, state.positions)
-            here = wp.normalize(before + onward)
-            natural = brought_along(axis, here, bend)
+            before, onward, here, natural = bent_at(group, node, lane, axis, bend, state.positions)
             middle = 0.5 * (angle + next_angle)
             moment = rigidity * (wp.cos(middle) * natural + wp.sin(middle) * wp.cross(here, natural))
             # Twist turns a bent line out of its plane (Bergou et al., ACM Trans. Graphics 29 (2010) 116, sec. 4).

@@ -15,11 +15,13 @@ import numpy as np
 from benchmarks.side_by_side import side_by_side
 from egophys_core.evaluation import Scores, baseline_scores, score
 from egophys_core.files import write_json
-from egophys_core.identification import FitOptions, contact_flags, find_hands, prepare
+from egophys_core.identification import FitOptions
 from egophys_core.identification.build import predict
 from egophys_core.identification.coarse import fit_coarse
 from egophys_core.identification.dense import DenseRefinement
-from egophys_core.identification.rest_shape import rest_shape
+from egophys_core.kinds.rest_shape import rest_shape
+from egophys_core.observation import contact_flags, find_hands, prepare
+from egophys_core.observation.at_rest import observed_at_rest
 from egophys_core.recording import read_episode
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
@@ -59,7 +61,8 @@ def measure(path: Path) -> list[dict[str, Any]]:
     """Rows of one episode; errors in metres, minutes of elapsed time on one of two busy cores."""
     episode, options, name = read_episode(path), FitOptions(generations=GENERATIONS), episode_name(path)
     hands = find_hands(episode)
-    shape = rest_shape(episode, hands, max_nodes=options.max_nodes)
+    points = observed_at_rest(episode, hands)[1]
+    shape = rest_shape(points, name=episode.name, ground=episode.ground_height, max_nodes=options.max_nodes)
 
     def row(model: str, scores: Scores, minutes: float) -> dict[str, Any]:
         errors = {

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.accuracy import DATA
-from egophys_core.discrepancy.diagnose import diagnose_observed
-from egophys_core.discrepancy.markers import effects_untold, observe_markers
-from egophys_core.discrepancy.options import DiagnosisOptions
-from egophys_core.discrepancy.residuals import Observation, track_offsets
+from egophys_core.diagnosis.diagnose import diagnose_observed
+from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
+from egophys_core.diagnosis.evidence.residuals import Observation, track_offsets
+from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.identification.marker_fit import build_marker_twin
-from egophys_core.identification.template import parse_template
+from egophys_core.kinds.template import parse_template
 from egophys_core.recording import read_episode
 from egophys_core.twin import ObjectModel
 

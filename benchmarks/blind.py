@@ -6,8 +6,8 @@ from typing import Any
 
 from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
-from egophys_core.discrepancy.diagnose import diagnose, fitted_and_proofs
-from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.diagnosis.diagnose import diagnose, fitted_and_proofs
+from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.files import write_json
 from egophys_core.identification import FitOptions, build_twin
 from egophys_core.recording import read_episode

@@ -11,9 +11,9 @@ from benchmarks.beam import rmse
 from benchmarks.cable_world import COILED, MOTIONS, record
 from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
-from egophys_core.discrepancy.diagnose import diagnose_observed
-from egophys_core.discrepancy.markers import effects_untold, observe_markers
-from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.diagnosis.diagnose import diagnose_observed
+from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
+from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.identification.marker_fit import build_marker_twin
 
 RESULT = Path(__file__).parent / "results/cable.json"

@@ -6,9 +6,9 @@ from typing import Any
 
 from benchmarks.planted import FIT
 from benchmarks.yardstick import Yardstick
-from egophys_core.discrepancy.diagnose import diagnose
-from egophys_core.discrepancy.effects import LIBRARY
-from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.diagnosis.diagnose import diagnose
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.effects import LIBRARY
 from egophys_core.identification import build_twin
 from egophys_core.rehearsal.options import Motion, RehearsalOptions
 from egophys_core.rehearsal.world import rehearse

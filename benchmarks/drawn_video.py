@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from egophys_core.cli.perception_benchmark import MASK_TYPE, POSE_TYPE, TRUE_MASK_TOPIC, TRUE_POSE_TOPIC
-from egophys_core.perception.board import Board
+from egophys_core.perception.camera.board import Board
 from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC, LogWriter, encode_points, jazzy_types
 from egophys_core.recording.pointcloud import POINTCLOUD2
 

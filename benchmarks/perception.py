@@ -6,7 +6,7 @@ from typing import Any
 
 from benchmarks.drawn_video import SCENES, draw_video, write_bag
 from egophys_core.cli.perception_benchmark import measure, read_measured
-from egophys_core.perception.board import Board
+from egophys_core.perception.camera.board import Board
 from egophys_core.perception.options import PerceptionOptions
 
 RECORDED = Path(__file__).resolve().parents[2] / "shared/data/video"

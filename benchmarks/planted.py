@@ -16,9 +16,9 @@ from benchmarks.kept import kept_in
 from benchmarks.movement import movement
 from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
-from egophys_core.discrepancy.diagnose import diagnose, fitted_and_proofs
-from egophys_core.discrepancy.options import DiagnosisOptions
-from egophys_core.discrepancy.search import Search
+from egophys_core.diagnosis.diagnose import diagnose, fitted_and_proofs
+from egophys_core.diagnosis.hypotheses.search import Search
+from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.episode import Episode
 from egophys_core.files import write_json
 from egophys_core.identification import FitOptions, build_twin

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from egophys_core.evaluation import baseline_scores
-from egophys_core.identification import FitOptions, build_twin, contact_flags, find_hands
+from egophys_core.identification import FitOptions, build_twin
+from egophys_core.observation import contact_flags, find_hands
 from egophys_core.recording import read_episode
 
 EPISODE = "examples/towel_lift.mcap"

@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.options import choice
-from egophys_core.perception.board import Board
-from egophys_core.perception.image_message import COMPRESSED_IMAGE, IMAGE
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.camera.image_message import COMPRESSED_IMAGE, IMAGE
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.perceive import PerceptionReport, perceive
 from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC, list_topics, read_episode, write_episode

@@ -30,7 +30,8 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EgophysError, EpisodeError
 from egophys_core.evaluation import baseline_scores
 from egophys_core.evaluation.perception import PointPaths, score_points
-from egophys_core.identification import contact_flags, evaluate_twin, find_hands
+from egophys_core.identification import evaluate_twin
+from egophys_core.observation import contact_flags, find_hands
 from egophys_core.recording import Record, decode_episode, read_episode, xyz_of_message
 from egophys_core.replay import Outcome, replay_log
 from egophys_core.reporting import draw_shapes

@@ -3,7 +3,6 @@
 import ast
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -14,24 +13,35 @@ PACKAGE = Path(egophys_core.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 
-BASE = {"cores", "errors", "files", "json_numbers", "options", "episode", "waypoint_plan"}
+BASE = {"cores", "errors", "files", "geometry", "json_numbers", "options", "episode", "waypoint_plan"}
 """Plain modules that any room may use."""
 
-MAY_USE = {
+MAY_USE: dict[str, set[str]] = {
     "recording": set(),
-    "perception": {"recording"},
-    "twin": {"effects"},
+    "effects": set(),
     "robot": set(),
     "reporting": set(),
-    "effects": set(),
-    "simulation": {"twin", "effects"},
     "evaluation": set(),
-    "identification": {"twin", "simulation", "evaluation"},
-    "discrepancy": {"effects", "twin", "simulation", "evaluation", "identification", "reporting"},
-    "planning": {"twin", "simulation", "evaluation"},
     "rehearsal": set(),
+    "perception": {"recording"},
+    "twin": {"effects"},
+    "simulation": {"twin", "effects"},
+    "kinds": {"twin"},
+    "observation": {"kinds", "twin", "simulation", "evaluation"},
+    "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
+    "diagnosis": {
+        "effects",
+        "kinds",
+        "observation",
+        "twin",
+        "simulation",
+        "evaluation",
+        "identification",
+        "reporting",
+    },
+    "planning": {"twin", "simulation", "evaluation"},
     "episode_source": {"recording", "perception"},
-    "replay": {"recording", "twin", "identification", "planning"},
+    "replay": {"recording", "twin", "identification", "observation", "planning"},
     "cli": {
         "episode_source",
         "recording",
@@ -39,8 +49,10 @@ MAY_USE = {
         "effects",
         "twin",
         "evaluation",
+        "kinds",
+        "observation",
         "identification",
-        "discrepancy",
+        "diagnosis",
         "planning",
         "rehearsal",
         "reporting",
@@ -55,12 +67,7 @@ HEAVY = ("torch", "rclpy")
 def room_of(path: Path) -> str:
     """The room a file is in; a module beside the rooms is one of its own."""
     parts = path.relative_to(PACKAGE).with_suffix("").parts
-    return "package" if parts == ("__init__",) else room_named(parts)
-
-
-def room_named(parts: Sequence[str]) -> str:
-    """The room of a module's path; the library of effects is one of its own, at the bottom of the house."""
-    return "effects" if tuple(parts[:2]) == ("discrepancy", "effects") else parts[0]
+    return "package" if parts == ("__init__",) else parts[0]
 
 
 def imported_rooms(path: Path) -> set[str]:
@@ -76,7 +83,7 @@ def imported_rooms(path: Path) -> set[str]:
         for name in names:
             parts = name.split(".")
             if parts[0] == "egophys_core" and len(parts) > 1 and parts[1] != "__version__":
-                found.add(room_named(parts[1:]))
+                found.add(parts[1])
     return found
 
 

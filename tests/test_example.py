@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from egophys_core.evaluation import Scores, baseline_scores
-from egophys_core.identification import FitOptions, build_twin, contact_flags, find_hands
+from egophys_core.identification import FitOptions, build_twin
+from egophys_core.observation import contact_flags, find_hands
 from egophys_core.recording import read_episode
 
 EPISODE = Path(__file__).resolve().parents[1] / "examples/towel_lift.mcap"

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Draw and write."""
     # OpenCV takes an eighth of a second to load; the other subcommands do without.
-    from egophys_core.perception.board_sheet import Paper, board_pdf
+    from egophys_core.perception.camera.board_sheet import Paper, board_pdf
 
     board = board_from(parsed)
     require_writable(parsed.out)

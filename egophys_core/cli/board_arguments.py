@@ -4,7 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from egophys_core.perception.board import Board
+    from egophys_core.perception.camera.board import Board
 
 COLUMNS, ROWS, TAG_SIDE_MM, GAP_MM, FIRST_ID, FAMILY, ORIGIN_M = 4, 3, 60.0, 15.0, 0, "36h11", (-0.1425, 0.435, 0.001)
 """Those of `Board()`, which is not asked here since that loads OpenCV for every subcommand."""
@@ -48,7 +48,7 @@ def board_from(parsed: argparse.Namespace) -> "Board":
     Raises:
         OptionsError: no such board can be; names the value.
     """
-    from egophys_core.perception.board import Board, TagFamily
+    from egophys_core.perception.camera.board import Board, TagFamily
 
     return Board(
         columns=parsed.board_columns,

@@ -13,10 +13,11 @@ from egophys_core.episode import Episode
 from egophys_core.errors import OptionsError
 from egophys_core.evaluation import Scores, baseline_scores
 from egophys_core.files import require_writable
-from egophys_core.identification import FitOptions, build_twin, contact_flags, find_hands
+from egophys_core.identification import FitOptions, build_twin
 from egophys_core.identification.marker_fit import build_marker_twin
-from egophys_core.identification.markers import MOST_MARKERS, is_sparse
-from egophys_core.identification.template import parse_template
+from egophys_core.kinds.template import parse_template
+from egophys_core.observation import contact_flags, find_hands
+from egophys_core.observation.markers import MOST_MARKERS, is_sparse
 from egophys_core.twin import save_twin
 
 NAME = "build"

@@ -10,15 +10,15 @@ from rich.markup import escape
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from, refuse_loads
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.discrepancy.diagnose import Finding, diagnose, diagnose_observed
-from egophys_core.discrepancy.diagnosis import Diagnosis, Outcome
-from egophys_core.discrepancy.effects import effect_named
-from egophys_core.discrepancy.inquiry import Progress
-from egophys_core.discrepancy.markers import effects_untold, observe_markers
-from egophys_core.discrepancy.options import DiagnosisOptions
-from egophys_core.discrepancy.saving import EFFECT_TEXTS, require_new_folder, save_finding
+from egophys_core.diagnosis.diagnose import Finding, diagnose, diagnose_observed
+from egophys_core.diagnosis.diagnosis import Diagnosis, Outcome
+from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.problem import Progress
+from egophys_core.diagnosis.saving import EFFECT_TEXTS, require_new_folder, save_finding
+from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
-from egophys_core.identification.markers import is_sparse
+from egophys_core.observation.markers import is_sparse
 from egophys_core.recording import read_episode
 from egophys_core.reporting import figures, headline, millimetres
 from egophys_core.twin import Twin, load_twin

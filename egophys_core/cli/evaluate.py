@@ -6,7 +6,8 @@ from pathlib import Path
 from egophys_core.cli.display import print_json, print_scores, print_table
 from egophys_core.cli.marker_arguments import add_load_argument, load_of
 from egophys_core.evaluation import Scores, baseline_scores, score
-from egophys_core.identification import observed_contacts, place_twin, predict
+from egophys_core.identification import predict
+from egophys_core.observation import observed_contacts, place_twin
 from egophys_core.recording import read_episode
 from egophys_core.twin import load_twin
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from egophys_core.episode import Episode
 from egophys_core.errors import OptionsError
 from egophys_core.identification.marker_fit import DENSITY
-from egophys_core.identification.markers import MOST_MARKERS, is_sparse
+from egophys_core.observation.markers import MOST_MARKERS, is_sparse
 
 
 def add_marker_arguments(parser: argparse.ArgumentParser) -> None:

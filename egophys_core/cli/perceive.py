@@ -25,7 +25,7 @@ from egophys_core.perception.options import PerceptionOptions
 from egophys_core.recording import SENSOR_QOS, LogWriter, list_topics, read_records, write_episode
 
 if TYPE_CHECKING:
-    from egophys_core.perception.board import Board
+    from egophys_core.perception.camera.board import Board
     from egophys_core.perception.observation import Observation
     from egophys_core.perception.perceive import Perceived
 
@@ -91,8 +91,8 @@ def _perceive(
 ) -> "Perceived":
     """Perceive, and write the episode and the pictures into the folder."""
     # OpenCV takes an eighth of a second to load; the other subcommands do without.
+    from egophys_core.perception.camera.image_encoding import COMPRESSED_IMAGE, jpeg_message, png_of
     from egophys_core.perception.contact_sheet import EvenSample, contact_sheet
-    from egophys_core.perception.image_encoding import COMPRESSED_IMAGE, jpeg_message, png_of
     from egophys_core.perception.overlay import TAIL_VIEWS, draw_picture
     from egophys_core.perception.overlay_video import OverlayVideo
     from egophys_core.perception.overlay_window import Window, follow

@@ -23,7 +23,7 @@ from egophys_core.recording import OBJECT_TOPIC, decode_points, list_topics, rea
 from egophys_core.recording.point_tracks import order_by_stamp, stack_by_id
 
 if TYPE_CHECKING:
-    from egophys_core.perception.board import Board
+    from egophys_core.perception.camera.board import Board
     from egophys_core.perception.observation import Observation
 
 TRUE_POSE_TOPIC = "/truth/camera_pose"
@@ -165,7 +165,7 @@ class _Truth:
 
     def poses(self) -> np.ndarray | None:
         """[T, 4, 4] of the views, NaN where a view has none; None if the bag has none."""
-        from egophys_core.perception.camera import turn_rotation, upright_turns
+        from egophys_core.perception.camera.lens import turn_rotation, upright_turns
 
         if TRUE_POSE_TOPIC not in self._topics:
             return None
@@ -175,9 +175,9 @@ class _Truth:
 
     def mask_errors(self, seen: _Collected) -> dict[str, float]:
         """J and F over the views that have a true mask; empty if the bag has none. Call `poses` before."""
-        from egophys_core.perception.camera import SquareView
-        from egophys_core.perception.image_message import image_of_message
-        from egophys_core.perception.video import open_video
+        from egophys_core.perception.camera.image_message import image_of_message
+        from egophys_core.perception.camera.lens import SquareView
+        from egophys_core.perception.camera.video import open_video
 
         if TRUE_MASK_TOPIC not in self._topics:
             return {}

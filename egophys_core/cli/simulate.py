@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from egophys_core.cli.marker_arguments import add_load_argument, load_of
-from egophys_core.identification import place_twin, predict
+from egophys_core.identification import predict
+from egophys_core.observation import place_twin
 from egophys_core.recording import read_episode, write_episode
 from egophys_core.twin import load_twin
 

@@ -10,14 +10,15 @@ from egophys_core import __version__
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.evaluation import Scores, score
-from egophys_core.identification.checks import require_fittable
 from egophys_core.identification.coarse import fit_coarse
-from egophys_core.identification.contact import find_hands
 from egophys_core.identification.dense import fit_dense
 from egophys_core.identification.options import FitOptions
-from egophys_core.identification.placing import place_twin
-from egophys_core.identification.problem import FitProblem, prepare
-from egophys_core.identification.rest_shape import rest_shape
+from egophys_core.kinds.rest_shape import rest_shape
+from egophys_core.observation.at_rest import observed_at_rest
+from egophys_core.observation.checks import require_fittable
+from egophys_core.observation.contact import find_hands
+from egophys_core.observation.placing import place_twin
+from egophys_core.observation.problem import FitProblem, prepare
 from egophys_core.options import to_mapping
 from egophys_core.simulation import ContactKind, batch_of_models, rollout
 from egophys_core.twin import ObjectModel, Provenance, Twin
@@ -56,7 +57,14 @@ def build_twin(
     for episode in episodes:
         require_fittable(episode)
     progress("prepare", 0.0, float("nan"))
-    shape = rest_shape(episodes[0], find_hands(episodes[0]), max_nodes=options.max_nodes, kind=options.kind.kind)
+    first = episodes[0]
+    shape = rest_shape(
+        observed_at_rest(first, find_hands(first))[1],
+        name=first.name,
+        ground=first.ground_height,
+        max_nodes=options.max_nodes,
+        kind=options.kind.kind,
+    )
     problems = [prepare(episode, shape.positions, shape.surface, spacing=shape.spacing) for episode in episodes]
     search_share = SEARCH_SHARE if options.dense_steps else SEARCH_SHARE + DENSE_SHARE
     coarse = fit_coarse(

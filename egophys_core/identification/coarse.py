@@ -13,8 +13,6 @@ from egophys_core.cores import usable_cores
 from egophys_core.errors import EpisodeError, TwinError
 from egophys_core.identification.loss import TAIL_SHARE, rollout_loss
 from egophys_core.identification.options import FitOptions
-from egophys_core.identification.problem import FitProblem
-from egophys_core.identification.rest_shape import RestShape
 from egophys_core.identification.search_space import candidate, searched_numbers
 from egophys_core.identification.search_state import (
     START_ANEW,
@@ -23,6 +21,8 @@ from egophys_core.identification.search_state import (
     save_search,
     search_identity,
 )
+from egophys_core.kinds.rest_shape import RestShape
+from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 

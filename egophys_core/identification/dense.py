@@ -14,7 +14,7 @@ from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
 from egophys_core.identification.adam import Adam
 from egophys_core.identification.loss import TAIL_SHARE, loss_gradient
 from egophys_core.identification.options import FitOptions
-from egophys_core.identification.problem import FitProblem
+from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, spring_order
 from egophys_core.simulation.gradients import differentiate
 from egophys_core.twin import ObjectModel

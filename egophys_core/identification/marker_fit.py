@@ -15,11 +15,11 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError, TwinError
 from egophys_core.evaluation import score
 from egophys_core.identification.build import episode_digest, predict
-from egophys_core.identification.checks import require_fittable
 from egophys_core.identification.marker_unknowns import unknowns_of
-from egophys_core.identification.markers import MarkerBody, marker_body, place_markers
-from egophys_core.identification.problem import FitProblem
-from egophys_core.identification.template import Template
+from egophys_core.kinds.template import Template
+from egophys_core.observation.checks import require_fittable
+from egophys_core.observation.markers import MarkerBody, marker_body, place_markers
+from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
 

@@ -7,9 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from egophys_core.identification.markers import MarkerBody, turned
-from egophys_core.identification.rods import axial_stiffness
-from egophys_core.identification.template import stiffness_of_modulus
+from egophys_core.kinds.rods import axial_stiffness
+from egophys_core.kinds.template import stiffness_of_modulus
+from egophys_core.observation.markers import MarkerBody, turned
 from egophys_core.simulation import longest_retardation
 from egophys_core.twin import GRAVITY, ObjectKind, ObjectModel, PhysicalParameters, per_kind
 

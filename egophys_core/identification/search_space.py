@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from egophys_core.identification.rest_shape import RestShape
+from egophys_core.kinds.rest_shape import RestShape
 from egophys_core.twin import (
     ObjectKind,
     ObjectModel,

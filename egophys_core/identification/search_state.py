@@ -20,9 +20,9 @@ from egophys_core import __version__
 from egophys_core.errors import OutputError, TwinError
 from egophys_core.files import write_atomically
 from egophys_core.identification.options import FitOptions
-from egophys_core.identification.problem import FitProblem
-from egophys_core.identification.rest_shape import RestShape
 from egophys_core.identification.search_space import searched_numbers
+from egophys_core.kinds.rest_shape import RestShape
+from egophys_core.observation.problem import FitProblem
 from egophys_core.options import to_mapping
 
 FORMAT_VERSION = 1

@@ -6,14 +6,14 @@ import numpy as np
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.grip import carried
-from egophys_core.perception.hand_points import at_depth
+from egophys_core.perception.hands.grip import carried
+from egophys_core.perception.hands.hand_points import at_depth
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
-from egophys_core.perception.rest_surface import RestObject
 from egophys_core.perception.stages import View
-from egophys_core.perception.surface_render import project
-from egophys_core.perception.track_filter import consistent_motion, farthest_points
+from egophys_core.perception.surface.rest_surface import RestObject
+from egophys_core.perception.surface.surface_render import project
+from egophys_core.perception.surface.track_filter import consistent_motion, farthest_points
 
 INFERRED_CONFIDENCE = 0.5
 """Of points that were never seen but inferred from symmetry."""

@@ -4,12 +4,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.board import Board
-from egophys_core.perception.board_pose import BoardPoseFinder, CameraPose, NoPose
-from egophys_core.perception.camera import Camera, FullView, SquareView, upright_turns
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose
+from egophys_core.perception.camera.lens import Camera, FullView, SquareView, upright_turns
+from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import PerceptionOptions
-from egophys_core.perception.pose_track import LONGEST_FILLED_GAP_S
 from egophys_core.perception.scene_observer import SceneObserver
 from egophys_core.perception.stages import View
 

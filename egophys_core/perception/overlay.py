@@ -9,7 +9,7 @@ import numpy as np
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.overlay_window import Window
 from egophys_core.perception.stages import Masks
-from egophys_core.perception.surface_render import project
+from egophys_core.perception.surface.surface_render import project
 
 OBJECT_COLOUR = (90, 190, 60)
 """BGR, as all colours here."""

@@ -12,17 +12,17 @@ from threadpoolctl import threadpool_limits
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.background_motion import background_poses
-from egophys_core.perception.board import Board
-from egophys_core.perception.board_pose import BoardPoseFinder, CameraPose, NoPose, doubt_intrinsics
-from egophys_core.perception.camera import FullView, SquareView, upright_turns
+from egophys_core.perception.camera.background_motion import background_poses
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, doubt_intrinsics
+from egophys_core.perception.camera.lens import FullView, SquareView, upright_turns
+from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
+from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC, Video, VideoWarning, open_video
 from egophys_core.perception.episode_assembly import EpisodeAssembly
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import ObjectKind, PerceptionOptions
-from egophys_core.perception.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
 from egophys_core.perception.scene_observer import SceneObserver
 from egophys_core.perception.stages import View
-from egophys_core.perception.video import IMAGE_TOPIC, INFO_TOPIC, Video, VideoWarning, open_video
 
 
 @dataclass(frozen=True, kw_only=True)

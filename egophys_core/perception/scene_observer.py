@@ -5,18 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.board import Board
-from egophys_core.perception.colour_model import is_black
-from egophys_core.perception.confidence import PointConfidence
-from egophys_core.perception.hand_points import HandPoints
-from egophys_core.perception.mask_tracker import MaskTracker
-from egophys_core.perception.object_finder import find_object
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.hands.hand_points import HandPoints
+from egophys_core.perception.masks.colour_model import is_black
+from egophys_core.perception.masks.mask_tracker import MaskTracker
+from egophys_core.perception.masks.object_finder import find_object
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import PerceptionOptions
-from egophys_core.perception.rest_surface import RestObject, rest_object
 from egophys_core.perception.stages import Masks, View
-from egophys_core.perception.surface_render import project
-from egophys_core.perception.surface_tracker import SurfaceState, SurfaceTracker
+from egophys_core.perception.surface.confidence import PointConfidence
+from egophys_core.perception.surface.rest_surface import RestObject, rest_object
+from egophys_core.perception.surface.surface_render import project
+from egophys_core.perception.surface.surface_tracker import SurfaceState, SurfaceTracker
 
 FEWEST_STILL_VIEWS = 5
 """Views of the object at rest without which nothing begins."""

@@ -10,10 +10,10 @@ import numpy as np
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.lifting import LiftOptions, lift
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import PointMapper, Segmenter, Tracker, View
-from egophys_core.perception.track_filter import (
+from egophys_core.perception.surface.lifting import LiftOptions, lift
+from egophys_core.perception.surface.track_filter import (
     above_ground,
     consistent_motion,
     farthest_points,

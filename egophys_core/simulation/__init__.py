@@ -2,13 +2,13 @@
 
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
-from egophys_core.simulation.effects import ForceEffect
 from egophys_core.simulation.frames import into_world
 from egophys_core.simulation.lanes import LANES
-from egophys_core.simulation.loads import with_actions
 from egophys_core.simulation.model_batch import batch_of_models, spring_order
-from egophys_core.simulation.rod_bending import longest_retardation
 from egophys_core.simulation.rollout import Rollout, rollout
+from egophys_core.simulation.terms.force_effect import ForceEffect
+from egophys_core.simulation.terms.loads import with_actions
+from egophys_core.simulation.terms.rod_bending import longest_retardation
 
 __all__ = [
     "LANES",

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.simulation.controls import ContactKind
-from egophys_core.simulation.springs import UNLIMITED
+from egophys_core.simulation.terms.springs import UNLIMITED
 
 FEWEST_NEIGHBOURS = 5
 """K_min: with fewer nodes within the radius a controller point of a flat object also takes its nearest ones."""

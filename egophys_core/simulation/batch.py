@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from egophys_core.discrepancy.effects.effect import Action
+from egophys_core.effects.effect import Action
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.controls import Controls
-from egophys_core.simulation.effects import ForceEffect
+from egophys_core.simulation.terms.force_effect import ForceEffect
 from egophys_core.twin import PhysicalParameters
 
 Pull = Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]]

@@ -7,12 +7,12 @@ import warp as wp
 
 from egophys_core.simulation.attachments import Attachments
 from egophys_core.simulation.batch import RolloutBatch
-from egophys_core.simulation.controllers import ControllerArrays
 from egophys_core.simulation.lanes import LANES, Lanes, group_count, pack
-from egophys_core.simulation.springs import SpringArrays
 from egophys_core.simulation.state import RUNNING, FrameArrays, ParameterArrays, StateArrays
 from egophys_core.simulation.step import EffectTerms
 from egophys_core.simulation.substep import SubstepArrays
+from egophys_core.simulation.terms.controllers import ControllerArrays
+from egophys_core.simulation.terms.springs import SpringArrays
 
 SPRING_NAMES = ("stiffness", "damping", "rest_lengths", "longest_extensions")
 """Numbers of a spring: fields of `SpringArrays` and of `RolloutBatch`."""

@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from egophys_core.discrepancy.effects.effect import Scene
+from egophys_core.effects.effect import Scene
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments, attach
 from egophys_core.simulation.batch import RolloutBatch
-from egophys_core.simulation.collision_pairs import PairFinder
+from egophys_core.simulation.collision.collision_pairs import PairFinder
+from egophys_core.simulation.collision.self_collision import PairArrays
 from egophys_core.simulation.controls import ContactKind
 from egophys_core.simulation.device_arrays import (
     controller_arrays,
@@ -25,12 +26,11 @@ from egophys_core.simulation.device_arrays import (
 from egophys_core.simulation.frame_advance import frame_advance
 from egophys_core.simulation.integrator import FASTEST
 from egophys_core.simulation.lanes import group_count, pack, unpack
-from egophys_core.simulation.loads import Loads
-from egophys_core.simulation.self_collision import PairArrays
-from egophys_core.simulation.springs import SpringArrays
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, largest_eigenvalues, stable_substeps
 from egophys_core.simulation.state import RUNNING
 from egophys_core.simulation.substep import FrameInputs
+from egophys_core.simulation.terms.loads import Loads
+from egophys_core.simulation.terms.springs import SpringArrays
 
 MOST_SUBSTEPS = 5000
 """A frame that needs more is refused: the stiffness or damping is out of any physical range."""

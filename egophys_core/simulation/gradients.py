@@ -13,14 +13,14 @@ import warp as wp
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments
 from egophys_core.simulation.batch import RolloutBatch
+from egophys_core.simulation.collision.self_collision import PairArrays
 from egophys_core.simulation.device_arrays import MOTION_NAMES, PARAMETER_NAMES, SPRING_NAMES
 from egophys_core.simulation.engine import Engine, Segment
 from egophys_core.simulation.frame_tape import FrameTape
 from egophys_core.simulation.lanes import Lanes, pack, unpack
 from egophys_core.simulation.rollout import Rollout, advance_all
-from egophys_core.simulation.self_collision import PairArrays
-from egophys_core.simulation.springs import SHORTEST_LENGTH
 from egophys_core.simulation.substep import FrameInputs
+from egophys_core.simulation.terms.springs import SHORTEST_LENGTH
 
 GRIP_NAMES = ("stiffness", "damping", "rest_lengths")
 """Numbers of a controller spring that have derivatives."""

@@ -2,9 +2,9 @@
 
 import warp as wp
 
-from egophys_core.simulation.ground import collide, project_upward_force
 from egophys_core.simulation.lanes import LANES, Lanes
 from egophys_core.simulation.state import FrameArrays, ParameterArrays, StateArrays
+from egophys_core.simulation.terms.ground import collide, project_upward_force
 
 FASTEST = 1000.0
 """m/s. A node faster than this, or whose speed is no number, has diverged."""

@@ -6,16 +6,16 @@ from functools import partial
 
 import numpy as np
 
-from egophys_core.discrepancy.effects import effect_named
-from egophys_core.discrepancy.effects.effect import Action, Body
+from egophys_core.effects import effect_named
+from egophys_core.effects.effect import Action, Body
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
-from egophys_core.simulation.effects import ForceEffect
 from egophys_core.simulation.frames import into_world, into_world_directions
-from egophys_core.simulation.loads import with_actions
-from egophys_core.simulation.rod_bending import rod_bending
-from egophys_core.simulation.springs import UNLIMITED
+from egophys_core.simulation.terms.force_effect import ForceEffect
+from egophys_core.simulation.terms.loads import with_actions
+from egophys_core.simulation.terms.rod_bending import rod_bending
+from egophys_core.simulation.terms.springs import UNLIMITED
 from egophys_core.twin import ObjectKind, ObjectModel, SpringKind, resting_height
 
 SAME_PLACE = 1e-4

@@ -3,7 +3,7 @@
 import warp as wp
 
 from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.springs import SpringArrays
+from egophys_core.simulation.terms.springs import SpringArrays
 
 
 @wp.func

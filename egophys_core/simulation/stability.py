@@ -5,7 +5,7 @@ import warp as wp
 
 from egophys_core.simulation.lanes import Lanes, unpack
 from egophys_core.simulation.power_iteration import iterate_power
-from egophys_core.simulation.springs import SpringArrays
+from egophys_core.simulation.terms.springs import SpringArrays
 
 SAFETY = 0.9
 """Share of the stable step that is used."""

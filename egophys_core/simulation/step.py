@@ -9,13 +9,18 @@ from functools import cache
 
 import warp as wp
 
-from egophys_core.simulation.body_forces import add_body_forces
-from egophys_core.simulation.controllers import ControllerArrays, move_controllers
+from egophys_core.simulation.collision.self_collision import (
+    PairArrays,
+    add_contact_impulses,
+    apply_changes,
+    count_contacts,
+)
 from egophys_core.simulation.integrator import clear, drift, find_divergence, kick
 from egophys_core.simulation.lanes import Lanes
-from egophys_core.simulation.self_collision import PairArrays, add_contact_impulses, apply_changes, count_contacts
-from egophys_core.simulation.springs import SpringArrays, add_grip_forces, add_spring_forces
 from egophys_core.simulation.state import FrameArrays, ParameterArrays, StateArrays, substep_duration, substep_time
+from egophys_core.simulation.terms.body_forces import add_body_forces
+from egophys_core.simulation.terms.controllers import ControllerArrays, move_controllers
+from egophys_core.simulation.terms.springs import SpringArrays, add_grip_forces, add_spring_forces
 
 EffectTerms = tuple[tuple[wp.Function, int], ...]
 """Extra terms: the function of each effect and the column of its first number."""

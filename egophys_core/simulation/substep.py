@@ -9,14 +9,19 @@ from typing import Any
 
 import warp as wp
 
-from egophys_core.simulation.controllers import ControllerArrays, move_controllers
+from egophys_core.simulation.collision.self_collision import (
+    PairArrays,
+    add_contact_impulses,
+    apply_changes,
+    count_contacts,
+)
 from egophys_core.simulation.integrator import drift, find_divergence, kick
 from egophys_core.simulation.lanes import Lanes
-from egophys_core.simulation.self_collision import PairArrays, add_contact_impulses, apply_changes, count_contacts
-from egophys_core.simulation.spring_adjoint import adj_add_spring_forces as adj_add_spring_forces
-from egophys_core.simulation.springs import SpringArrays
 from egophys_core.simulation.state import FrameArrays, ParameterArrays, StateArrays, substep_duration, substep_time
 from egophys_core.simulation.step import EffectTerms, force_sum
+from egophys_core.simulation.terms.controllers import ControllerArrays, move_controllers
+from egophys_core.simulation.terms.spring_adjoint import adj_add_spring_forces as adj_add_spring_forces
+from egophys_core.simulation.terms.springs import SpringArrays
 
 
 @cache

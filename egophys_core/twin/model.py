@@ -5,7 +5,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from egophys_core.discrepancy.effects.effect import TwinEffect
+from egophys_core.effects.effect import TwinEffect
 from egophys_core.errors import TwinError
 from egophys_core.twin.graph import SpringGraph, SpringKind
 from egophys_core.twin.parameters import PhysicalParameters

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from egophys_core.discrepancy.effects import TwinEffect, effect_named
+from egophys_core.effects import TwinEffect, effect_named
 from egophys_core.errors import TwinError
 from egophys_core.files import write_atomically
 from egophys_core.twin.graph import SpringGraph

@@ -15,9 +15,9 @@ from benchmarks.drawn_video import (
     folded_sheet,
     write_bag,
 )
-from egophys_core.perception.board import Board
-from egophys_core.perception.board_pose import BoardPoseFinder, CameraPose
-from egophys_core.perception.video import open_video
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose
+from egophys_core.perception.camera.video import open_video
 from egophys_core.recording import read_episode
 
 

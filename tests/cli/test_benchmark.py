@@ -9,7 +9,7 @@ import pytest
 from benchmarks.drawn_video import MATRIX, SIZE, Drawing, write_bag
 from egophys_core.cli.perception_benchmark import KEYS, TRUE_MASK_TOPIC, TRUE_POSE_TOPIC
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.camera import Camera, SquareView, turn_rotation
+from egophys_core.perception.camera.lens import Camera, SquareView, turn_rotation
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.perceive import Perceived
 from egophys_core.perception.stages import Masks, View

@@ -7,12 +7,12 @@ import os
 import pytest
 
 from egophys_core.cli import diagnose as command
-from egophys_core.discrepancy.diagnose import Finding
-from egophys_core.discrepancy.diagnosis import Outcome
+from egophys_core.diagnosis.diagnose import Finding
+from egophys_core.diagnosis.diagnosis import Outcome
 from egophys_core.errors import EgophysError, OptionsError, OutputError, RecordingError, TwinError
 from egophys_core.recording import write_episode
 from egophys_core.twin import load_twin, save_twin
-from tests.discrepancy.findings import make_diagnosis, make_evidence
+from tests.diagnosis.findings import make_diagnosis, make_evidence
 from tests.identification.synthetic import sheet_episode
 from tests.twin.examples import make_twin
 

@@ -12,12 +12,12 @@ import pytest
 from egophys_core.cli import board_arguments
 from egophys_core.cli.perceive import OVERLAY_TOPIC
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.board import Board, TagFamily
-from egophys_core.perception.board_sheet import Paper
-from egophys_core.perception.image_message import decode_image
+from egophys_core.perception.camera.board import Board, TagFamily
+from egophys_core.perception.camera.board_sheet import Paper
+from egophys_core.perception.camera.image_message import decode_image
+from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.perceive import Perceived
-from egophys_core.perception.video import IMAGE_TOPIC, INFO_TOPIC
 from egophys_core.recording import LogWriter, list_topics, read_episode, read_records
 from tests.perception.observations import START_NS, observations, perceived_from
 

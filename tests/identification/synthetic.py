@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.identification.rest_shape import RestShape
 from egophys_core.identification.search_space import candidate, searched_numbers
+from egophys_core.kinds.rest_shape import RestShape
 from egophys_core.simulation import Controls, batch_of_models, rollout
 from egophys_core.twin import ObjectKind, ObjectModel
 from tests.simulation.scenes import frame_times, sheet_positions

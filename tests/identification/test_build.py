@@ -8,23 +8,13 @@ import pytest
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, TwinError
 from egophys_core.evaluation import baseline_scores
-from egophys_core.identification import (
-    Contact,
-    FitOptions,
-    Hand,
-    KindChoice,
-    build_twin,
-    contact_flags,
-    episode_digest,
-    evaluate_twin,
-    find_hands,
-    first_grasp,
-    prepare,
-)
+from egophys_core.identification import FitOptions, KindChoice, build_twin, episode_digest, evaluate_twin, first_grasp
 from egophys_core.identification.coarse import evaluate_candidates, fit_coarse
 from egophys_core.identification.loss import rollout_loss
-from egophys_core.identification.rest_shape import rest_shape
 from egophys_core.identification.search_space import searched_numbers
+from egophys_core.kinds.rest_shape import rest_shape
+from egophys_core.observation import Contact, Hand, contact_flags, find_hands, prepare
+from egophys_core.observation.at_rest import observed_at_rest
 from egophys_core.options import to_mapping
 from egophys_core.simulation import ContactKind
 from egophys_core.twin import ObjectKind, connected_components, encode_twin
@@ -78,7 +68,12 @@ def test_known_stiffness_is_recovered_to_a_low_error_on_held_out_frames():
 
 def test_search_lowers_the_loss_and_never_forgets_its_best():
     episode = make_episode(known_model(stiffness_rate=0.2, damping_rate=0.7))
-    shape = rest_shape(episode, find_hands(episode), max_nodes=400)
+    shape = rest_shape(
+        observed_at_rest(episode, find_hands(episode))[1],
+        name=episode.name,
+        ground=episode.ground_height,
+        max_nodes=400,
+    )
     problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
     start = np.array([number.start_u for number in searched_numbers(shape.kind)])
     start_loss = evaluate_candidates([problem], shape, [start], stride=4)[0]

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
-from egophys_core.identification import FitOptions, build_twin, dense, prepare
+from egophys_core.identification import FitOptions, build_twin, dense
 from egophys_core.identification.adam import Adam
 from egophys_core.identification.dense import CONTACT_NAMES, DenseRefinement, fit_dense, model_at
 from egophys_core.identification.loss import loss_gradient
+from egophys_core.observation import prepare
 from tests.identification.synthetic import known_model, make_episode, sheet_shape
 
 OPTIONS = FitOptions(frame_stride=2, dense_rate=0.1)

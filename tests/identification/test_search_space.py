@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from egophys_core.identification.rest_shape import RestShape
 from egophys_core.identification.search_space import build_graph, candidate, searched_numbers
+from egophys_core.kinds.rest_shape import RestShape
 from egophys_core.twin import ObjectKind, SpringKind, connected_components
 from tests.identification.synthetic import SPACING, sheet_shape
 from tests.simulation.scenes import sheet_positions

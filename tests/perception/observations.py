@@ -7,7 +7,7 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.perceive import Perceived, PerceptionReport
-from egophys_core.perception.surface_mesh import mesh_of_mask
+from egophys_core.perception.surface.surface_mesh import mesh_of_mask
 from tests.perception.table_scene import CAMERA, Scene, draw, project
 
 START_NS = 1_700_000_000_000_000_000

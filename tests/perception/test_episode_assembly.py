@@ -9,9 +9,9 @@ from egophys_core.errors import EpisodeError
 from egophys_core.perception.episode_assembly import EpisodeAssembly
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
-from egophys_core.perception.rest_surface import RestObject
+from egophys_core.perception.surface.rest_surface import RestObject
 from tests.perception.observations import observations
-from tests.perception.surface_scene import object_at_rest
+from tests.perception.surface.surface_scene import object_at_rest
 
 OPTIONS = PerceptionOptions(object_points=60, controllers=5)
 STAY = np.array([[1.0, 0, 0], [0, 1, 0]])

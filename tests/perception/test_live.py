@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from egophys_core.perception.camera import Camera
+from egophys_core.perception.camera.lens import Camera
 from egophys_core.perception.live import LiveObserver
 from egophys_core.perception.observation import Observation
-from tests.perception.surface_scene import MATRIX, OPTIONS, SIDE, Frame, material_of, surface, video
+from tests.perception.surface.surface_scene import MATRIX, OPTIONS, SIDE, Frame, material_of, surface, video
 
 FRAMES = video()[:24]
 BLACK = np.zeros((SIDE, SIDE, 3), np.uint8)

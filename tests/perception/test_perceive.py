@@ -15,7 +15,17 @@ from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
 from egophys_core.perception.perceive import Perceived, perceive
-from tests.perception.surface_scene import FOCAL, OPTIONS, SIDE, START_NS, Frame, bag, material_of, surface, video
+from tests.perception.surface.surface_scene import (
+    FOCAL,
+    OPTIONS,
+    SIDE,
+    START_NS,
+    Frame,
+    bag,
+    material_of,
+    surface,
+    video,
+)
 
 SLOW_OPTIONS = replace(OPTIONS, still_s=0.76)
 """Of videos slowed down twice."""

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.board import Board
+from egophys_core.perception.camera.board import Board
 from egophys_core.perception.scene_observer import SceneObserver, board_outline
-from tests.perception.surface_scene import OPTIONS, SIDE, video
+from tests.perception.surface.surface_scene import OPTIONS, SIDE, video
 
 VIEWS = [each.view for each in video()[:16]]
 UNKNOWN = np.full((4, 4), np.nan)

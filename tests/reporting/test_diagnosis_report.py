@@ -9,10 +9,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from egophys_core.discrepancy.diagnosis import Diagnosis, Estimate, Evidence, NamedEffect, Outcome
+from egophys_core.diagnosis.diagnosis import Diagnosis, Estimate, Evidence, NamedEffect, Outcome
 from egophys_core.reporting import EffectText, diagnosis_html, headline
 from egophys_core.reporting.diagnosis_words import change, join
-from tests.discrepancy.findings import episode_error, make_diagnosis, make_evidence
+from tests.diagnosis.findings import episode_error, make_diagnosis, make_evidence
 
 TEXTS = {
     "quadratic_drag": EffectText(

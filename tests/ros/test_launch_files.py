@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.episode_source import SourceOptions
 from egophys_core.identification import FitOptions
 from egophys_core.options import from_mapping, to_mapping
-from egophys_core.perception.board import Board
+from egophys_core.perception.camera.board import Board
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.planning import PlanOptions
 from egophys_core.rehearsal import RehearsalOptions

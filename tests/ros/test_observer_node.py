@@ -17,7 +17,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, PointCloud2
 from std_srvs.srv import Trigger
 
-from egophys_core.perception.image_message import image_of_message
+from egophys_core.perception.camera.image_message import image_of_message
 from egophys_core.recording import points_of_message, read_episode, read_records
 
 pytestmark = pytest.mark.ros

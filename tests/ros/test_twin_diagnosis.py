@@ -10,8 +10,8 @@ from egophys_msgs.msg import BuildJob, TwinInfo
 from egophys_ros_common.qos import latched
 from std_msgs.msg import UInt8MultiArray
 
-from egophys_core.discrepancy.diagnosis import Outcome
-from egophys_core.discrepancy.effects import LIBRARY
+from egophys_core.diagnosis.diagnosis import Outcome
+from egophys_core.effects import LIBRARY
 from egophys_core.twin import decode_twin, load_twin
 from tests.ros.cloth import NAME, OPTIONS_JSON, SEED
 

@@ -8,12 +8,12 @@ import warp as wp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from egophys_core.simulation import spring_adjoint as spring_adjoint
 from egophys_core.simulation.device_arrays import PARAMETER_NAMES
-from egophys_core.simulation.ground import collide, project_upward_force
 from egophys_core.simulation.lanes import LANES, Lanes, pack, unpack
-from egophys_core.simulation.springs import UNLIMITED, SpringArrays, add_grip_forces, add_spring_forces
 from egophys_core.simulation.state import ParameterArrays, StateArrays
+from egophys_core.simulation.terms import spring_adjoint as spring_adjoint
+from egophys_core.simulation.terms.ground import collide, project_upward_force
+from egophys_core.simulation.terms.springs import UNLIMITED, SpringArrays, add_grip_forces, add_spring_forces
 from tests.reference.simulator import contact
 from tests.simulation.scenes import parameters
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from egophys_core.discrepancy.effects import TwinEffect
-from egophys_core.discrepancy.effects.rotations import rotation
+from egophys_core.effects import TwinEffect
+from egophys_core.effects.rotations import rotation
 from egophys_core.errors import SimulationError
 from egophys_core.simulation import Controls, batch_of_models, rollout
 from egophys_core.simulation.gradients import differentiate

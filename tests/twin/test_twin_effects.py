@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from egophys_core.discrepancy.effects import TwinEffect
+from egophys_core.effects import TwinEffect
 from egophys_core.errors import TwinError
 from egophys_core.twin import decode_twin, encode_twin
 from tests.twin.examples import make_twin

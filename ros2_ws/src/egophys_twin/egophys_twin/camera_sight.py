@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from egophys_core.errors import EpisodeError, RecordingError
-from egophys_core.perception.board import Board
-from egophys_core.perception.camera import camera_from_message, require_size
-from egophys_core.perception.image_message import image_of_message
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.camera.image_message import image_of_message
+from egophys_core.perception.camera.lens import camera_from_message, require_size
 from egophys_core.perception.live import LiveObserver
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import PerceptionOptions

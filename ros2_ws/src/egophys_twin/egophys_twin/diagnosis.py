@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from egophys_core.discrepancy.diagnose import Finding, diagnose
-from egophys_core.discrepancy.options import DiagnosisOptions
-from egophys_core.discrepancy.saving import require_new_folder, save_finding
+from egophys_core.diagnosis.diagnose import Finding, diagnose
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.saving import require_new_folder, save_finding
 from egophys_core.episode_source import EpisodeSource
 from egophys_core.twin import Twin
 from egophys_twin.recordings import observed_episodes, require_recordings

@@ -10,7 +10,7 @@ from egophys_ros_common.managed_node import ManagedNode
 from egophys_ros_common.parameters import read_option_groups
 from unique_identifier_msgs.msg import UUID
 
-from egophys_core.discrepancy.options import DiagnosisOptions
+from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.twin import Twin, load_twin
 from egophys_twin.build import NOT_KNOWN
 from egophys_twin.diagnosis import Diagnosed, DiagnosisRequest, run_diagnosis

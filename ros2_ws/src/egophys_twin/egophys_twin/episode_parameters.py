@@ -7,7 +7,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from egophys_core.episode_source import EpisodeSource, SourceOptions
-from egophys_core.perception.board import Board
+from egophys_core.perception.camera.board import Board
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC
 

@@ -19,10 +19,10 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_srvs.srv import Trigger
 
 from egophys_core.errors import EgophysError, OptionsError
-from egophys_core.perception.board import Board
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import PerceptionOptions
-from egophys_core.perception.video import IMAGE_TOPIC, INFO_TOPIC
 from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC
 from egophys_twin.camera_sight import CameraSight
 from egophys_twin.observer_topics import ObserverTopics, overlay_message

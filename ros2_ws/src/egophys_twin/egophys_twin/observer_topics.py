@@ -7,7 +7,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, PointCloud2
 
-from egophys_core.perception.image_encoding import jpeg_message
+from egophys_core.perception.camera.image_encoding import jpeg_message
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.overlay import draw_picture
 from egophys_core.perception.overlay_window import follow

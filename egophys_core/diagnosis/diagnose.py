@@ -1,0 +1,286 @@
+"""Diagnosis: from a twin and episodes of its object to what it lacks, and a better twin."""
+
+import time
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
+from typing import TypeVar
+
+import numpy as np
+
+from egophys_core import __version__
+from egophys_core.diagnosis.diagnosis import Candidate, Diagnosis, Evidence, NamedEffect
+from egophys_core.diagnosis.direct.measure import Measured, measure
+from egophys_core.diagnosis.evidence.baseline_twin import base_fit, base_with, follows
+from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_error, free_errors
+from egophys_core.diagnosis.evidence.judging import Judged
+from egophys_core.diagnosis.evidence.residuals import Observation, observe, track_offsets
+from egophys_core.diagnosis.evidence.where import where
+from egophys_core.diagnosis.hypotheses.ranking import Ranked
+from egophys_core.diagnosis.hypotheses.search import Search
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.problem import Inquiry, Progress
+from egophys_core.diagnosis.verdict.explain import explain
+from egophys_core.effects import effect_named
+from egophys_core.episode import Episode
+from egophys_core.errors import DiscrepancyError
+from egophys_core.identification import episode_digest
+from egophys_core.options import to_mapping
+from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
+
+Item = TypeVar("Item")
+
+BASE_REFITS = 2
+"""Times as many steps for the twin without any effect: what it still gains later on would be taken for an effect's."""
+
+PROOF = 3
+"""Of so many episodes one is not fitted: whether an effect shows there, too, says more than any fit."""
+
+LEAST_MOTION_S = 1.0
+"""Seconds of handling below which an episode says nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """What a diagnosis found, and the twin that follows from it."""
+
+    diagnosis: Diagnosis
+    twin: Twin
+    """A new version that names its parent."""
+    before: ObjectModel
+    """Refitted without any effect: what errors before are of."""
+    evidence: Evidence
+    searches: tuple[Search, ...]
+    """The one beside the twin with what was measured, and, after it named an effect, the one beside that."""
+
+
+def diagnose(
+    twin: Twin,
+    episodes: Sequence[Episode],
+    options: DiagnosisOptions,
+    *,
+    report_on: Sequence[Episode] = (),
+    without: Collection[str] = (),
+    seed: int = 0,
+    progress: Progress = lambda stage, share: None,
+) -> Finding:
+    """Find what a twin lacks.
+
+    Args:
+        episodes: two motions or more, to tell the object from the motion. Of three or more the last third is not
+            fitted: what is named has to show there, too.
+        report_on: further episodes of the object, which have no part in what is found: errors are reported on them.
+        without: effects of the library to leave out.
+        seed: of shams and resamples.
+        progress: called with stage and share done.
+
+    Raises:
+        EpisodeError: in an episode no hand moves the object.
+        DiscrepancyError: no episode, or one that is too short to say anything.
+        TwinError: `without` names no effect.
+    """
+    if not episodes:
+        raise DiscrepancyError("no episode given; a diagnosis compares a twin with at least one, better two motions")
+    _require_distinct([*episodes, *report_on])
+    progress("observe", 0.0)
+    model = replace(twin.model, effects=())
+    return diagnose_observed(
+        twin,
+        [_observed(model, episode) for episode in episodes],
+        options,
+        report_on=[_observed(model, episode) for episode in report_on],
+        without=without,
+        seed=seed,
+        progress=progress,
+    )
+
+
+def diagnose_observed(
+    twin: Twin,
+    observations: Sequence[Observation],
+    options: DiagnosisOptions,
+    *,
+    report_on: Sequence[Observation] = (),
+    without: Collection[str] = (),
+    seed: int = 0,
+    progress: Progress = lambda stage, share: None,
+) -> Finding:
+    """As `diagnose`, from episodes in which the twin has its place already."""
+    started = time.monotonic()
+    observations, proofs = fitted_and_proofs(observations)
+    for name in without:
+        effect_named(name)
+    model = replace(twin.model, effects=())
+    progress("refit the twin as it is", 0.05)
+    base = base_fit(observations, model, starts=options.base_starts, iterations=BASE_REFITS * options.refit_iterations)
+    progress("measure what shows directly", 0.15)
+    measured = measure(
+        observations,
+        proofs,
+        is_sheet=model.kind == ObjectKind.SHEET,
+        without=without,
+        resamples=options.bootstraps,
+        seed=seed,
+    )
+    without_them = None
+    known = {each.name: each.values for each in measured if each.shows}
+    if known:
+        progress("refit the twin beside what was measured", 0.15)
+        base, without_them = base_with(observations, base, known, iterations=options.refit_iterations)
+    followed = follows(base.fitted, proofs)
+    inquiry = Inquiry(observations=observations, proofs=list(compress(proofs, followed)), options=options, seed=seed)
+    found = explain(inquiry, base, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))
+    first = found.searches[0]
+    progress("roll out before and after", 0.9)
+    everywhere = [*observations, *proofs, *report_on]
+    # Refitted for as many steps as with the effects, from where these led as well.
+    before = (without_them or first.before).model
+    errors = [free_errors(each, [before, found.fitted.model]) for each in everywhere]
+    offsets = [track_offsets(each, [before])[0][0] for each in observations]
+    improved = _new_version(twin, found.fitted.model, [each.episode for each in observations], options, seed)
+    diagnosis = Diagnosis(
+        outcome=found.outcome,
+        effects=tuple(
+            NamedEffect(name=each.name, parameters=each.parameters, episodes_agree=each.episodes_agree)
+            for each in found.named
+        ),
+        candidates=_candidates(first, measured),
+        experiment=found.experiment,
+        where=where(observations, offsets, first.law.formula),
+        error=tuple(
+            episode_error(each, *pair, fitted=index < len(observations))
+            for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
+        ),
+        seconds=time.monotonic() - started,
+        reason=found.reason + _lost(each.episode.name for each, kept in zip(proofs, followed, strict=True) if not kept),
+        twin_id=twin.twin_id,
+        improved_twin_id=improved.twin_id,
+    )
+    progress("done", 1.0)
+    return Finding(
+        diagnosis=diagnosis,
+        twin=improved,
+        before=before,
+        evidence=_evidence(everywhere, errors, observations[0], offsets[0]),
+        searches=found.searches,
+    )
+
+
+def fitted_and_proofs(episodes: Sequence[Item]) -> tuple[Sequence[Item], Sequence[Item]]:
+    """The episodes that a diagnosis fits, and the last ones, in which what it names has to show."""
+    fitted = len(episodes) - len(episodes) // PROOF
+    return episodes[:fitted], episodes[fitted:]
+
+
+def _require_distinct(episodes: Sequence[Episode]) -> None:
+    """Check that no episode counts twice.
+
+    Raises:
+        DiscrepancyError: two are the same, or have one name.
+    """
+    for index, one in enumerate(episodes):
+        for other in episodes[:index]:
+            if one.name == other.name or episode_digest(one) == episode_digest(other):
+                raise DiscrepancyError(
+                    f"{other.name} and {one.name} are the same episode, or have the same name; give each once, and "
+                    "files of different names"
+                )
+
+
+def _observed(model: ObjectModel, episode: Episode) -> Observation:
+    """The twin in an episode that lasts long enough.
+
+    Raises:
+        DiscrepancyError: too little handling.
+    """
+    observation = observe(model, episode)
+    handled = float(episode.times[-1] - episode.times[observation.touched])
+    if handled < LEAST_MOTION_S:
+        raise DiscrepancyError(
+            f"{episode.name}: {handled:.2f} s of handling after first contact say nothing of what a twin lacks; "
+            "record a lift of some seconds, and a second motion"
+        )
+    if not np.isfinite(observation.tracks.positions[observation.touched :]).any():
+        raise DiscrepancyError(
+            f"{episode.name}: no point is seen after the first contact (frame {observation.touched}); "
+            "record again with the object in view"
+        )
+    return observation
+
+
+def _lost(names: Iterable[str]) -> str:
+    """What to add to a reason of episodes that could not be followed."""
+    listed = ", ".join(names)
+    return f"; without any effect the twin does not follow {listed}, so nothing was tried there" if listed else ""
+
+
+def _candidates(first: Search, measured: Sequence[Measured]) -> tuple[Candidate, ...]:
+    """All effects: those that were measured, and those that were refitted, with the figures of that."""
+    ranking, refitted = first.ranking, {each.name: each for each in first.judged}
+    found = [
+        Candidate(
+            name=each.name,
+            held_out_gain=each.held_out_gain,
+            p_null=each.p_null,
+            fitted_gain=each.fitted_gain,
+            proof_gain=each.proof_gain,
+            values=each.values,
+        )
+        for each in measured
+    ]
+    for linear in ranking.ranked:
+        name = linear.name
+        each: Ranked | Judged = refitted.get(name, linear)
+        gain = each.gain if isinstance(each, Judged) else each.held_out_gain
+        found.append(
+            Candidate(
+                name=name,
+                held_out_gain=gain,
+                p_null=ranking.p_null(gain),
+                fitted_gain=each.fitted_gain,
+                proof_gain=float(each.proof_gains.sum())
+                if isinstance(each, Judged) and len(each.proof_gains)
+                else None,
+                values=each.values,
+            )
+        )
+    return tuple(sorted(found, key=lambda each: -each.held_out_gain))
+
+
+def _new_version(
+    twin: Twin, model: ObjectModel, episodes: Sequence[Episode], options: DiagnosisOptions, seed: int
+) -> Twin:
+    """The twin with another model, and whence it came."""
+    return replace(
+        twin,
+        model=model,
+        provenance=Provenance(
+            episodes=tuple({"name": each.name, "sha256": episode_digest(each)} for each in episodes),
+            settings=to_mapping(options),
+            seed=seed,
+            code_version=__version__,
+            parent_id=twin.twin_id,
+            scores={},
+        ),
+    )
+
+
+def _evidence(
+    observations: Sequence[Observation],
+    errors: Sequence[Sequence[FreeErrors]],
+    first: Observation,
+    offsets: np.ndarray,
+) -> Evidence:
+    """What the report draws."""
+    names = [each.episode.name for each in observations]
+    after = offsets[first.touched - first.first :]
+    seen = np.isfinite(after).all(axis=2)
+    count = np.where(seen.any(axis=0), seen.sum(axis=0), np.nan)
+    field = np.where(seen[..., None], after, 0.0).sum(axis=0) / count[:, None]
+    return Evidence(
+        times={name: each.episode.times for name, each in zip(names, observations, strict=True)},
+        before={name: pair[0].track for name, pair in zip(names, errors, strict=True)},
+        after={name: pair[1].track for name, pair in zip(names, errors, strict=True)},
+        rest=first.rest,
+        field=field,
+    )

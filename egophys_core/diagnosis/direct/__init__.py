@@ -1,0 +1,1 @@
+"""What is measured directly, without asking a twin."""

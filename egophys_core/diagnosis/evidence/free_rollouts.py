@@ -1,0 +1,85 @@
+"""Errors of free rollouts, before and after: what an effect is worth to whoever predicts with the twin."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.diagnosis.diagnosis import EpisodeError
+from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
+from egophys_core.simulation import batch_of_models, rollout
+from egophys_core.twin import ObjectModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeErrors:
+    """One model on one episode, from first contact on; metres per frame of the whole episode, nan before."""
+
+    track: np.ndarray
+    """[T]."""
+    chamfer: np.ndarray
+    """[T]."""
+    last_residual_track: np.ndarray
+    """[T], with the mean offset of the tracks at the last train frame taken off from there on."""
+
+
+def free_errors(observation: Observation, models: Sequence[ObjectModel]) -> list[FreeErrors]:
+    """Roll each model out freely under the hands of an episode; all infinite where it diverges."""
+    problem = observation.problem
+    episode = problem.episode
+    batch = batch_of_models(
+        models,
+        [observation.controls()] * len(models),
+        starts=[problem.start] * len(models),
+        velocities=[problem.velocities] * len(models),
+        ground_height=episode.ground_height,
+    )
+    result = rollout(batch)
+    observed = episode.points[observation.first :]
+    found = []
+    for model, positions in zip(models, result.positions, strict=True):
+        surface = positions[:, model.graph.surface]
+        lost = ~np.isfinite(surface).all(axis=(1, 2))
+        surface = np.where(lost[:, None, None], 1e3, surface)
+        track = track_error_per_frame(surface, observed, problem.bound)
+        chamfer = chamfer_per_frame(surface, observed)
+        held = _held(surface, observed, problem.bound, episode.train_frames - observation.first)
+        track[lost], chamfer[lost], held[lost] = np.inf, np.inf, np.inf
+        quiet = np.full(observation.touched, np.nan)
+        skip = observation.touched - observation.first
+        found.append(
+            FreeErrors(
+                track=np.concatenate([quiet, track[skip:]]),
+                chamfer=np.concatenate([quiet, chamfer[skip:]]),
+                last_residual_track=np.concatenate([quiet, held[skip:]]),
+            )
+        )
+    return found
+
+
+def _held(surface: np.ndarray, observed: np.ndarray, bound: np.ndarray, last: int) -> np.ndarray:
+    """[F] track error when each track keeps, after frame `last`, the residual it had there."""
+    tracks = np.flatnonzero(bound >= 0)
+    offset = observed[:, tracks] - surface[:, bound[tracks]]
+    known = np.nan_to_num(offset[last - 1])
+    left = offset.copy()
+    left[last:] -= known
+    distance = np.linalg.norm(left, axis=2)
+    seen = np.isfinite(distance)
+    return np.where(
+        seen.any(axis=1), np.where(seen, distance, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1), np.nan
+    )
+
+
+def episode_error(observation: Observation, before: FreeErrors, after: FreeErrors, *, fitted: bool) -> EpisodeError:
+    """Means over all frames from first contact on, metres."""
+    return EpisodeError(
+        episode=observation.episode.name,
+        track_before_m=float(np.nanmean(before.track)),
+        track_after_m=float(np.nanmean(after.track)),
+        chamfer_before_m=float(np.nanmean(before.chamfer)),
+        chamfer_after_m=float(np.nanmean(after.chamfer)),
+        last_residual_track_m=float(np.nanmean(before.last_residual_track)),
+        fitted=fitted,
+    )

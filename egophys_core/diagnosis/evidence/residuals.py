@@ -1,0 +1,227 @@
+"""Residuals: what observers leave unexplained, as what is new in means over patches of the object and blocks of time.
+
+Means over a patch and a fifth of a second carry what missing physics does; what is left of the tracks' noise in them
+is a tenth of its size at a track.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.cores import usable_cores
+from egophys_core.diagnosis.direct.mounting import beside_mounting
+from egophys_core.diagnosis.evidence.innovations import innovations
+from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, observed_tracks
+from egophys_core.diagnosis.evidence.observer import RATE, Pull
+from egophys_core.effects.effect import Action
+from egophys_core.episode import Episode
+from egophys_core.kinds.rest_shape import farthest_points
+from egophys_core.observation import FitProblem, prepare
+from egophys_core.observation.at_rest import observed_at_rest
+from egophys_core.simulation import LANES, Controls, batch_of_models, rollout, with_actions
+from egophys_core.twin import ObjectModel
+
+BLOCK_S = 0.2
+"""Seconds in a block of time."""
+
+PATCHES = 12
+"""Patches of the object, of about equally many tracks."""
+
+LEAD_S = 0.3
+"""Seconds before the first contact at which the observer starts, from rest."""
+
+BATCH = 32
+"""Models that are simulated together: a bound on memory."""
+
+LEAST_SCALE, LEAST_SCALE_OF_MARKERS = 1e-3, 2e-4
+"""Metres: no twin is better than this, and smaller residuals are no evidence. What swings in a clamp is not chaotic,
+and its markers have hardly any noise."""
+
+FEWEST_IN_BLOCK = 4
+"""Seen track positions below which a block of a patch has no mean."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation:
+    """An episode prepared for observers of one twin."""
+
+    problem: FitProblem
+    tracks: ObservedTracks
+    touched: int
+    """First frame of contact."""
+    first: int
+    """Frame at which observers start."""
+    patches: np.ndarray
+    """[P] patch of each track."""
+    blocks: np.ndarray
+    """[T] block of each frame, -1 before the first contact."""
+    rate: float = RATE
+    """w of its observers, 1/s; 0 for free rollouts."""
+    mounted: bool = False
+    """Whether a clamp holds it that stands still, and was set up anew for this record."""
+    record: Episode | None = None
+    """Of markers: the whole record, with what came before rollouts begin."""
+
+    @property
+    def episode(self) -> Episode:
+        """What was observed."""
+        return self.problem.episode
+
+    @property
+    def free(self) -> bool:
+        """Whether nothing draws the twin to the tracks: few markers on an object in a clamp."""
+        return self.rate == 0
+
+    @property
+    def least_scale(self) -> float:
+        """Metres, the least size of residuals that are evidence."""
+        return LEAST_SCALE_OF_MARKERS if self.free else LEAST_SCALE
+
+    @property
+    def rest(self) -> np.ndarray:
+        """[P, 3] metres, the tracks before the first contact."""
+        return np.asarray(np.nanmean(self.tracks.positions[: max(self.touched, 1)], axis=0))
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks B."""
+        return int(self.blocks.max()) + 1
+
+    def controls(self) -> Controls:
+        """The hands from where observers start."""
+        return self.problem.controls.part(slice(self.first, None))
+
+
+Job = tuple[Observation, Sequence[ObjectModel], Sequence[tuple[Action, ...]] | None]
+"""Rollouts that are simulated together: in an episode, of some models, and per model what else acts on it."""
+
+
+def observe(model: ObjectModel, episode: Episode) -> Observation:
+    """Place the twin in an episode.
+
+    Raises:
+        EpisodeError: no hand ever moves the object.
+    """
+    graph = model.graph
+    spacing = float(np.median(graph.rest_lengths))
+    problem = prepare(episode, graph.positions, graph.surface, spacing=spacing)
+    touched = observed_at_rest(episode, problem.hands)[0]
+    tracks = observed_tracks(problem, graph.surface, touched)
+    rest = np.nanmean(tracks.positions[: max(touched, 1)], axis=0)
+    centres = rest[farthest_points(rest, PATCHES)]
+    times = episode.times
+    blocks = np.floor((times - times[touched]) / BLOCK_S).astype(int)
+    return Observation(
+        problem=problem,
+        tracks=tracks,
+        touched=touched,
+        first=int(np.searchsorted(times, times[touched] - LEAD_S)),
+        patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),
+        blocks=np.where(times >= times[touched], blocks, -1),
+    )
+
+
+def track_offsets(
+    observation: Observation,
+    models: Sequence[ObjectModel],
+    *,
+    actions: Sequence[tuple[Action, ...]] | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where each model's observer leaves the tracks unexplained.
+
+    Args:
+        actions: per model what else acts on it.
+
+    Returns:
+        [K, T - first, P, 3] metres, measured minus twin, NaN where unseen; and [K] bool, which rollouts diverged.
+    """
+    problem, count = observation.problem, len(models)
+    batch = batch_of_models(
+        models,
+        [observation.controls()] * count,
+        starts=[problem.start] * count,
+        velocities=[problem.velocities] * count,
+        ground_height=problem.episode.ground_height,
+    )
+    # Nothing draws free rollouts.
+    pull = None if observation.free else Pull(observation.tracks, problem.episode.times, rate=observation.rate)
+    result = rollout(with_actions(batch, tuple(actions or [()] * count), pull=pull))
+    measured = observation.tracks.positions[observation.first :]
+    offsets = np.stack([measured - observation.tracks.on_twin(positions) for positions in result.positions])
+    return offsets, np.array([failure is not None for failure in result.failures])
+
+
+def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
+    """[K, B, Q, 3] metres: offsets [K, T - first, P, 3] averaged over cells; NaN where too few tracks are seen."""
+    blocks = observation.blocks[observation.first :]
+    cells = blocks[:, None] * PATCHES + observation.patches[None]
+    seen = np.isfinite(observation.tracks.positions[observation.first :]).all(axis=2) & (blocks >= 0)[:, None]
+    cell, size = cells[seen], observation.block_count * PATCHES
+    counts = np.bincount(cell, minlength=size)
+    means = np.full((len(offsets), size, 3), np.nan)
+    enough = counts >= FEWEST_IN_BLOCK
+    for row, offset in enumerate(offsets):
+        values = offset[seen]
+        sums = np.stack([np.bincount(cell, weights=values[:, axis], minlength=size) for axis in range(3)], axis=1)
+        means[row, enough] = sums[enough] / counts[enough, None]
+    return means.reshape(len(offsets), observation.block_count, PATCHES, 3)
+
+
+def residuals(
+    observations: Sequence[Observation],
+    models: Sequence[ObjectModel],
+    *,
+    progress: Callable[[float], None] = lambda share: None,
+) -> list[np.ndarray]:
+    """Per episode [K, B, Q, 3] metres: what is new in each model's observer, or off in its free rollout; infinite where
+    it diverged.
+
+    Args:
+        progress: called with the share done; may raise to stop.
+    """
+    size = _rollouts_together(len(observations), len(models))
+    parts = [models[first : first + size] for first in range(0, len(models), size)]
+    found = _side_by_side([(each, part, None) for part in parts for each in observations], progress)
+    of_parts = [found[first : first + len(observations)] for first in range(0, len(found), len(observations))]
+    return [np.concatenate(each) for each in zip(*of_parts, strict=True)]
+
+
+def residuals_with(
+    observations: Sequence[Observation], model: ObjectModel, actions: Sequence[Action]
+) -> list[np.ndarray]:
+    """As `residuals`, of one model with each of the actions in turn."""
+    models, single = [model] * len(actions), [(action,) for action in actions]
+    return _side_by_side([(each, models, single) for each in observations])
+
+
+def _side_by_side(jobs: Sequence[Job], progress: Callable[[float], None] = lambda share: None) -> list[np.ndarray]:
+    """Per job [K, B, Q, 3] metres. `progress` may raise to stop: nothing is begun any more."""
+    found: list[np.ndarray] = []
+    with ThreadPoolExecutor(usable_cores()) as pool:
+        try:
+            for each in pool.map(lambda job: _left_in_blocks(job[0], *track_offsets(*job[:2], actions=job[2])), jobs):
+                found.append(each)
+                progress(len(found) / len(jobs))
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+    return found
+
+
+def _rollouts_together(episodes: int, models: int) -> int:
+    """How many models of an episode are simulated together: whole lane groups, so that no core idles at last."""
+    groups = -(-min(models, BATCH) // LANES)
+    shares = 1 if episodes % usable_cores() == 0 else usable_cores()
+    return LANES * max(1, -(-groups // shares))
+
+
+def _left_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
+    means = block_means(observation, offsets)
+    found = np.full_like(means, np.inf)
+    if not observation.free:
+        means = innovations(means)
+    elif observation.mounted:
+        means = beside_mounting(means)
+    found[~diverged] = means[~diverged]
+    return found

@@ -1,0 +1,1 @@
+"""Which effects could explain the residuals, and from where their fits start."""

@@ -1,0 +1,109 @@
+"""The contest: effects that are worth it are refitted, then those that mimic the best, then the twin without any.
+
+A refit ends in the nearest of many optima. So that none wins by a better start alone, what mimics the best effect
+starts from where that one led as well, and so does, at last, the twin without an effect.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from egophys_core.diagnosis.evidence.fitted_parameters import effect_knobs, effect_values
+from egophys_core.diagnosis.evidence.refit import Fitted, refit_from
+from egophys_core.diagnosis.hypotheses.ranking import Ranked
+from egophys_core.diagnosis.hypotheses.starts import starts_beside, starts_from_rival
+from egophys_core.diagnosis.problem import Inquiry, Progress
+from egophys_core.diagnosis.verdict.decide import LEAST_GAIN, kin
+from egophys_core.effects import effect_named
+from egophys_core.twin import ObjectModel
+
+MIMICS = 2
+"""Effects beyond the shortlist that are refitted because they mimic the best of it."""
+
+WORTH_ANOTHER = 0.3
+"""Share of the best effect's gain from which one that mimics it is refitted from where the best one led, too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contest:
+    """How it ended."""
+
+    before: Fitted
+    """Without an effect."""
+    fits: dict[str, Fitted]
+    """With each effect by name."""
+
+
+def contest(
+    inquiry: Inquiry,
+    before: Fitted,
+    effects: Mapping[str, Ranked],
+    chosen: Collection[str],
+    reserve: Sequence[str],
+    progress: Progress,
+    *,
+    earlier: Mapping[str, ObjectModel],
+    others: Sequence[ObjectModel],
+    far: Mapping[str, Sequence[ObjectModel]],
+) -> Contest:
+    """Refit the effects, those that turn out to be like the best, and the twin without any.
+
+    Args:
+        before: the twin without an effect.
+        effects: the whole library, by name.
+        chosen: names of those that are refitted in any case.
+        reserve: names of those that are if they mimic the best of these, the likeliest first.
+        earlier: by name, where refits ended on a coarser scale, after all this; these start there, and there alone.
+        others: twins without an effect at which refits may start as well.
+        far: by name, twins with an effect at which its refit may start as well.
+    """
+    observations, scale, iterations = inquiry.observations, before.scale, inquiry.options.refit_iterations
+    fits: dict[str, Fitted] = {}
+
+    def refit_with(name: str, starts: Sequence[ObjectModel]) -> Fitted:
+        knobs = (*before.knobs, *effect_knobs(effect_named(name)))
+        return refit_from(observations, starts, knobs, scale=scale, iterations=iterations)
+
+    def gain(name: str) -> float:
+        return before.loss - fits[name].loss
+
+    def gains() -> dict[str, float]:
+        return {name: gain(name) for name in fits}
+
+    def own_starts(name: str) -> list[ObjectModel]:
+        if name in earlier:
+            return [earlier[name]]
+        return starts_beside(observations, before, effects[name], others, far.get(name, ()))
+
+    for index, name in enumerate(chosen):
+        progress(f"refit with {name}", 0.5 * index / len(chosen))
+        fits[name] = refit_with(name, own_starts(name))
+    best = max(fits, key=gain, default="")
+    if best and gain(best) >= LEAST_GAIN:
+        for name in [each for each in reserve if each in effect_named(best).traits.confounders][:MIMICS]:
+            progress(f"refit with {name}", 0.5)
+            fits[name] = refit_with(name, own_starts(name))
+        had = set(earlier)
+        in_the_air = observations[0].free
+        while again := _again(best := max(fits, key=gain), gains(), in_the_air) & effects.keys() - had:
+            had |= again
+            for name in sorted(again):
+                progress(f"refit with {name} from where {best} led", 0.7)
+                ends = [fits[name].model] if name in fits else []
+                values = effect_values(ends[0], name) if ends else effects[name].values
+                starts = starts_from_rival(observations, effects[name], values, fits[best].model, scale)
+                fits[name] = refit_with(name, [*ends, *starts])
+    if fits:
+        progress("refit without an effect from where effects led", 0.9)
+        led = [fits[name].model for name in sorted(fits, key=gain, reverse=True)]
+        starts = [replace(model, effects=model.effects[:-1]) for model in led]
+        relieved = refit_from(observations, starts, before.knobs, scale=scale, iterations=iterations)
+        before = min(before, relieved, key=lambda each: each.loss)
+    return Contest(before=before, fits=fits)
+
+
+def _again(best: str, gains: Mapping[str, float], in_the_air: bool) -> set[str]:
+    """The effects that start from where the best one led: its kin, and what mimics it and gains much."""
+    near = {name for name, gain in gains.items() if gain >= WORTH_ANOTHER * gains[best]}
+    found = kin(best) | near.intersection(effect_named(best).traits.confounders)
+    # Without a table that lies aslant, too, a tilted frame is tilted gravity.
+    return found | {"tracking_rotation"} if in_the_air and "gravity_tilt" in near else found

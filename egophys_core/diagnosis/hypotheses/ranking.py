@@ -1,0 +1,261 @@
+"""Ranking: which effects of the library could explain what a refitted twin leaves unexplained."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from egophys_core.diagnosis.evidence.fitted_parameters import at_null, effect_knobs, part_way, sizes_of, with_effect
+from egophys_core.diagnosis.evidence.linear_problem import (
+    Columns,
+    LinearProblem,
+    base_columns,
+    fit,
+    fitted_gain,
+    left_out_losses,
+    sham,
+)
+from egophys_core.diagnosis.evidence.refit import secant_of
+from egophys_core.diagnosis.evidence.residuals import Observation, residuals
+from egophys_core.effects import LIBRARY, Effect, Surroundings
+from egophys_core.twin import ObjectModel
+
+LEAST_SHIFT = 0.15
+"""Share of an episode by which a sham is at least turned."""
+
+SHAMMED = 8
+"""Effects whose regressors are shifted for shams."""
+
+BEST_STARTS = 8
+"""Starts of an effect, the best by their slopes, from which refits may begin."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """An effect at one start, and what each of its sizes does to the residuals."""
+
+    effect: Effect
+    start: dict[str, float]
+    slopes: list[np.ndarray]
+    """Per episode [B, Q, 3, C] metres per step of each size."""
+
+    @property
+    def sizes(self) -> tuple[str, ...]:
+        """Parameters that say how much."""
+        return sizes_of(self.effect)
+
+    @property
+    def null(self) -> dict[str, float]:
+        """The start with all sizes at null."""
+        return at_null(self.effect, self.start)
+
+    def columns(self, values: np.ndarray) -> Columns:
+        """The slopes, or shams of them, as columns [M, C] within the bounds of the sizes."""
+        knobs = {knob.parameter.name: knob for knob in effect_knobs(self.effect)}
+        ends = np.array(
+            [
+                [knobs[name].position_of(end) for end in (knobs[name].parameter.low, knobs[name].parameter.high)]
+                for name in self.sizes
+            ]
+        ).reshape(-1, 2)
+        at = np.array([knobs[name].position_of(self.null[name]) for name in self.sizes])
+        return Columns(values=values, low=ends[:, 0] - at, high=ends[:, 1] - at)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """The best start of an effect, by the linear problem."""
+
+    probe: Probe
+    starts: tuple[dict[str, float], ...]
+    """The effect's best starts, the probe's first, at most `BEST_STARTS`, their sizes turned to where slopes point."""
+    values: dict[str, float]
+    """Parameters at the linear optimum."""
+    base_steps: np.ndarray
+    """[D] steps of the base knobs to that optimum."""
+    fitted_gain: float
+    held_out_gain: float
+
+    @property
+    def name(self) -> str:
+        """The effect's."""
+        return self.probe.effect.name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranking:
+    """All effects, best first, and what chance gains."""
+
+    ranked: list[Ranked]
+    chance: np.ndarray
+    """[S] held-out gain of each sham, the largest over effects."""
+
+    def p_null(self, gain: float) -> float:
+        """Share of shams that gain as much."""
+        return float((1 + (self.chance >= gain).sum()) / (1 + len(self.chance)))
+
+
+def surroundings(model: ObjectModel, observations: Sequence[Observation]) -> Surroundings:
+    """Where and when the episodes happen."""
+    points = [each.tracks.positions.reshape(-1, 3) for each in observations]
+    return Surroundings(
+        rest_positions=model.graph.positions.astype(np.float64),
+        low=np.min([np.nanmin(each, axis=0) for each in points], axis=0),
+        high=np.max([np.nanmax(each, axis=0) for each in points], axis=0),
+        contact_begins=min(float(each.episode.times[each.touched]) for each in observations),
+        end=max(float(each.episode.times[-1]) for each in observations),
+    )
+
+
+def probe_effects(
+    observations: Sequence[Observation],
+    model: ObjectModel,
+    found: Sequence[np.ndarray],
+    *,
+    without: Collection[str],
+    progress: Callable[[float], None],
+) -> list[Probe]:
+    """What every effect of the library does to the residuals `found` at its starts.
+
+    Args:
+        without: names of effects that are left out.
+        progress: called with the share done.
+    """
+    around = surroundings(model, observations)
+    effects = [effect for effect in LIBRARY.values() if effect.name not in without]
+    planned = {effect.name: simulated_starts(effect, around) for effect in effects}
+    secant = secant_of(observations)
+    models = [
+        with_effect(model, effect.name, {**at_null(effect, start), name: part_way(effect, start, secant)[name]})
+        for effect in effects
+        for start in planned[effect.name][0]
+        for name in sizes_of(effect)
+    ]
+    results = residuals(observations, models, progress=progress)
+    rows = iter(range(len(models)))
+    probes = []
+    for effect in effects:
+        slopes = []
+        simulated, shares = planned[effect.name]
+        for start in simulated:
+            mine = [(next(rows), secant * _steps(effect, name, start)) for name in sizes_of(effect)]
+            slopes.append(
+                [
+                    _finite(np.stack([(results[index][row] - base) / steps for row, steps in mine], axis=-1))
+                    for index, base in enumerate(found)
+                ]
+            )
+        probes.extend(_probes(effect, effect.starts(around), shares, slopes))
+    return probes
+
+
+def _finite(slopes: np.ndarray) -> np.ndarray:
+    """Slopes, none where something diverged or is not seen."""
+    return np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
+
+
+def simulated_starts(effect: Effect, around: Surroundings) -> tuple[list[dict[str, float]], np.ndarray]:
+    """The starts that are simulated, and how much of each [S, K] is in each start of the effect."""
+    starts = effect.starts(around)
+    return effect.superposition(around, starts) if effect.superposition else (starts, np.eye(len(starts)))
+
+
+def _probes(
+    effect: Effect, starts: Sequence[dict[str, float]], shares: np.ndarray, slopes: Sequence[Sequence[np.ndarray]]
+) -> list[Probe]:
+    """The probes of all starts, from the slopes of those that were simulated, per start and episode [B, Q, 3, C].
+
+    Args:
+        shares: [S, K] how much of each that was simulated is in each start.
+    """
+    together = [np.stack(each) for each in zip(*slopes, strict=True)]
+    return [
+        Probe(
+            effect=effect,
+            start=start,
+            slopes=[np.tensordot(share, each, axes=1) for each in together],
+        )
+        for start, share in zip(starts, shares, strict=True)
+    ]
+
+
+def _steps(effect: Effect, name: str, start: Mapping[str, float]) -> float:
+    """How many steps of a parameter lie between null and start."""
+    knob = next(each for each in effect_knobs(effect) if each.parameter.name == name)
+    return knob.position_of(start[name]) - knob.position_of(at_null(effect, start)[name])
+
+
+def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: int) -> Ranking:
+    """The effects by what they gain on stretches of time that were left out, best first."""
+    by_effect: dict[str, list[Probe]] = {}
+    for probe in probes:
+        by_effect.setdefault(probe.effect.name, []).append(probe)
+    base = base_columns(problem)
+    base_loss = left_out_losses(problem, base, problem.fold).sum()
+
+    def held_out(columns: Columns) -> float:
+        return float(base_loss - left_out_losses(problem, base.beside(columns), problem.fold).sum())
+
+    chosen: list[tuple[Probe, float, float]] = []
+    starts: dict[str, tuple[dict[str, float], ...]] = {}
+    for name, group in by_effect.items():
+        columns = [probe.columns(problem.column(probe.slopes)) for probe in group]
+        gains = [fitted_gain(problem, each) for each in columns]
+        order = np.argsort(gains)[::-1]
+        best = order[0]
+        starts[name] = tuple(_turned_start(problem, group[row]) for row in order[:BEST_STARTS])
+        chosen.append((group[best], gains[best], held_out(columns[best])))
+    # Shams of the starts that won: enough to say what a regressor of that shape gains by chance.
+    generator = np.random.default_rng(seed)
+    winners = [probe for probe, _, _ in sorted(chosen, key=lambda each: -each[2])[:SHAMMED]]
+    chance = np.zeros(shams)
+    for index in range(shams):
+        shares = generator.uniform(LEAST_SHIFT, 1.0 - LEAST_SHIFT, len(problem.cells))
+        patches = generator.permutation(problem.cells[0].shape[1])
+        chance[index] = max(
+            [0.0, *(held_out(probe.columns(sham(problem, probe.slopes, shares, patches))) for probe in winners)]
+        )
+    ranked = [
+        Ranked(
+            probe=probe,
+            starts=starts[probe.effect.name],
+            **_optimum(problem, probe),
+            fitted_gain=gain,
+            held_out_gain=held,
+        )
+        for probe, gain, held in chosen
+    ]
+    return Ranking(ranked=sorted(ranked, key=lambda each: -each.held_out_gain), chance=chance)
+
+
+def _optimum(problem: LinearProblem, probe: Probe) -> dict[str, Any]:
+    """The effect's parameters at the linear optimum, within bounds, and the steps of the base knobs to there."""
+    base_steps, steps = _optimal_steps(problem, probe)
+    return {"values": _moved(probe, steps), "base_steps": base_steps}
+
+
+def _turned_start(problem: LinearProblem, probe: Probe) -> dict[str, float]:
+    """The start with its sizes as large as they are, together, and in proportion as at the linear optimum."""
+    _, steps = _optimal_steps(problem, probe)
+    length = np.linalg.norm(steps)
+    if length == 0.0:
+        return probe.start
+    own = np.linalg.norm([_steps(probe.effect, name, probe.start) for name in probe.sizes])
+    return _moved(probe, steps * own / length)
+
+
+def _optimal_steps(problem: LinearProblem, probe: Probe) -> list[np.ndarray]:
+    """Steps [D] of the base knobs and [C] of the sizes at the linear optimum."""
+    columns = base_columns(problem).beside(probe.columns(problem.column(probe.slopes)))
+    return np.split(fit(problem.residual, columns, problem.scale), [problem.base.shape[1]])
+
+
+def _moved(probe: Probe, steps: np.ndarray) -> dict[str, float]:
+    """The effect's parameters so many steps [C] of its sizes from null."""
+    values = dict(probe.null)
+    for knob in effect_knobs(probe.effect):
+        name = knob.parameter.name
+        if name in probe.sizes:
+            values[name] = knob.value_at(knob.position_of(probe.null[name]) + steps[probe.sizes.index(name)])
+    return values

@@ -1,0 +1,84 @@
+"""What a diagnosis leaves on disk: the numbers, the improved twin and the report, in one folder."""
+
+import os
+import shutil
+from pathlib import Path
+
+from egophys_core.diagnosis.diagnose import Finding
+from egophys_core.diagnosis.diagnosis import save_diagnosis
+from egophys_core.diagnosis.verdict.decide import LEAST_GAIN
+from egophys_core.effects import LIBRARY
+from egophys_core.errors import OutputError, TwinError
+from egophys_core.files import write_atomically
+from egophys_core.reporting import EffectText, diagnosis_html
+from egophys_core.twin import save_twin
+
+DIAGNOSIS_NAME, TWIN_NAME, REPORT_NAME = "diagnosis.json", "improved.twin", "report.html"
+
+EFFECT_TEXTS = {
+    name: EffectText(
+        summary=effect.summary,
+        equation=effect.equation,
+        nulls={each.name: each.null for each in effect.parameters if each.null is not None},
+    )
+    for name, effect in LIBRARY.items()
+}
+"""What a reader needs to know of the effects, by name."""
+
+
+def require_new_folder(folder: Path) -> None:
+    """Check that a finding can be saved, before the minutes that it takes to make one.
+
+    Raises:
+        OutputError: `folder` is a file or not empty, or the folder above it is absent or may not be written to.
+    """
+    if folder.is_dir():
+        if any(folder.iterdir()):
+            raise OutputError(f"cannot write {folder}: the folder is not empty; choose another name or move it away")
+    elif folder.exists():
+        raise OutputError(f"cannot write {folder}: it is a file; give the name of a new folder")
+    above = Path(os.path.abspath(folder)).parent
+    if not above.is_dir():
+        raise OutputError(f"cannot write {folder}: folder {above} does not exist; create it first")
+    if not os.access(above, os.W_OK):
+        raise OutputError(f"cannot write {folder}: no right to write in {above}")
+
+
+def save_finding(finding: Finding, folder: Path) -> dict[str, Path]:
+    """Write `diagnosis.json`, `improved.twin` and `report.html` into a new or empty folder, all or none.
+
+    Returns:
+        The files written, under the keys diagnosis, twin and report.
+
+    Raises:
+        OutputError: `folder` is a file or not empty, or cannot be made.
+    """
+    require_new_folder(folder)
+    final = Path(os.path.abspath(folder))
+    part = final.parent / f".{final.name}.{os.getpid()}.part"
+    try:
+        part.mkdir()
+        save_diagnosis(finding.diagnosis, part / DIAGNOSIS_NAME)
+        save_twin(finding.twin, part / TWIN_NAME)
+        write_atomically(part / REPORT_NAME, report(finding).encode())
+        part.rename(final)
+    except (OSError, TwinError) as error:
+        raise OutputError(f"cannot write {folder}: {error}") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return {"diagnosis": folder / DIAGNOSIS_NAME, "twin": folder / TWIN_NAME, "report": folder / REPORT_NAME}
+
+
+def report(finding: Finding) -> str:
+    """The finding as HTML."""
+    evidence = finding.evidence
+    return diagnosis_html(
+        finding.diagnosis.as_dict(),
+        times=evidence.times,
+        before=evidence.before,
+        after=evidence.after,
+        rest=evidence.rest,
+        field=evidence.field,
+        texts=EFFECT_TEXTS,
+        mismatch_gain=LEAST_GAIN,
+    )

@@ -1,0 +1,51 @@
+"""A steady force on all of the object: wind, or a field."""
+
+from typing import Any
+
+import numpy as np
+
+from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.traits import Traits
+
+
+def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
+    """The same acceleration for all nodes, m/s^2."""
+    acceleration = np.array([values["x"], values["y"], values["z"]])
+    return Load(acceleration=np.broadcast_to(acceleration, scene.positions.shape)), None
+
+
+def starts(surroundings: Surroundings) -> list[dict[str, float]]:
+    """One: nothing but the size is searched."""
+    return [{"x": 0.3, "y": 0.3, "z": 0.3}]
+
+
+def is_horizontal(values: Values) -> bool:
+    """Whether it points more to the side than up or down."""
+    return bool(np.hypot(values["x"], values["y"]) > abs(values["z"]))
+
+
+def is_vertical(values: Values) -> bool:
+    """Whether it points more up or down than to the side."""
+    return bool(abs(values["z"]) > np.hypot(values["x"], values["y"]))
+
+
+EFFECT = Effect(
+    name="constant_body_force",
+    summary="a steady force on every part of the object, the same everywhere",
+    equation="a = (x, y, z)",
+    source="Landau and Lifshitz, Mechanics (1976), sec. 5: a uniform field",
+    parameters=tuple(
+        Parameter(name=axis, unit="m/s^2", low=-6.0, high=6.0, step=0.3, null=0.0) for axis in ("x", "y", "z")
+    ),
+    traits=Traits(
+        confounders=("gravity_tilt", "gravity_scale", "tracking_offset", "point_attraction", "hidden_tether"),
+        experiment="let it hang still from one corner, then turn the whole set-up by 90 degrees: a tilt turns with it",
+        same_in_every_motion=True,
+        special_cases=("gravity_tilt", "gravity_scale"),
+        equivalent_to=("gravity_tilt",),
+        is_horizontal=is_horizontal,
+        is_vertical=is_vertical,
+    ),
+    starts=starts,
+    load=load,
+)

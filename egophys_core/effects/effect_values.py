@@ -1,0 +1,6 @@
+"""Values: the parameters of an effect by name."""
+
+from collections.abc import Mapping
+
+Values = Mapping[str, float]
+"""SI units."""

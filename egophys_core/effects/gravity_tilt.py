@@ -1,0 +1,42 @@
+"""The world's z axis is not upright."""
+
+from typing import Any
+
+import numpy as np
+
+from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.rotations import rotation
+from egophys_core.effects.traits import Traits
+
+
+def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
+    """What turning gravity adds to it, m/s^2."""
+    turned = rotation(np.array([values["about_x"], values["about_y"], 0.0])) - np.eye(3)
+    return Load(acceleration=np.broadcast_to(-scene.gravity * turned[:, 2], scene.positions.shape)), None
+
+
+def starts(surroundings: Surroundings) -> list[dict[str, float]]:
+    """One: nothing but the size is searched."""
+    return [{"about_x": 0.03, "about_y": 0.03}]
+
+
+EFFECT = Effect(
+    name="gravity_tilt",
+    summary="gravity does not point along the world's -z: the world frame, or the table, is tilted",
+    equation="a = -g R(about_x, about_y, 0) z",
+    source="Titterton and Weston, Strapdown Inertial Navigation Technology (2004), ch. 10: levelling error",
+    parameters=tuple(
+        Parameter(name=name, unit="rad", low=-0.5, high=0.5, step=0.03, null=0.0) for name in ("about_x", "about_y")
+    ),
+    traits=Traits(
+        confounders=("constant_body_force", "tracking_rotation", "tracking_offset"),
+        experiment="let it slide or roll on the table with no hand near: tilt pulls it downhill, a turned "
+        "record does not",
+        same_in_every_motion=True,
+        equivalent_to=("constant_body_force",),
+        is_horizontal=lambda values: True,
+        equivalent_in_air=("tracking_rotation",),
+    ),
+    starts=starts,
+    load=load,
+)

@@ -1,0 +1,46 @@
+"""The gripper holds beside the point that is recorded for it."""
+
+import numpy as np
+
+from egophys_core.effects.effect import Effect, Parameter, Surroundings, Values
+from egophys_core.effects.hands import HAND_SIZE, turns
+from egophys_core.effects.traits import Need, Traits
+
+FRAMES_APART = 10
+"""Frames between those in which points are compared to tell which belong to one hand."""
+
+
+def drive(values: Values, times: np.ndarray, controllers: np.ndarray) -> np.ndarray:
+    """The hands moved by an offset that turns with them; its axes are the world's in the first frame."""
+    offset = np.array([values["x"], values["y"], values["z"]])
+    moved = controllers.copy()
+    apart = controllers[::FRAMES_APART]
+    together = (np.linalg.norm(apart[:, :, None] - apart[:, None], axis=3) < HAND_SIZE).all(axis=0)
+    hands, hand_of = np.unique(together, axis=0, return_inverse=True)
+    for index, hand in enumerate(hands):
+        moved[:, hand_of == index] += (turns(controllers[:, hand]) @ offset)[:, None]
+    return moved
+
+
+def starts(surroundings: Surroundings) -> list[dict[str, float]]:
+    """One: nothing but the size is searched."""
+    return [{"x": 0.005, "y": 0.005, "z": 0.005}]
+
+
+EFFECT = Effect(
+    name="gripper_offset",
+    summary="the hand holds beside the point recorded for it, by an offset that turns with the hand",
+    equation="c(t) = c_recorded(t) + R_hand(t) (x, y, z)",
+    source="Tsai and Lenz, IEEE Trans. Robotics and Automation 5 (1989) 345: hand-eye calibration",
+    parameters=tuple(
+        Parameter(name=axis, unit="m", low=-0.1, high=0.1, step=0.005, null=0.0) for axis in ("x", "y", "z")
+    ),
+    traits=Traits(
+        confounders=("tracking_offset", "tracking_rotation"),
+        experiment="turn the wrist by 90 degrees while holding: the offset turns along, one of the tracking "
+        "frame does not",
+        needs=frozenset({Need.MOVING_GRIP}),
+    ),
+    starts=starts,
+    drive=drive,
+)

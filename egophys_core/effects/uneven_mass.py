@@ -1,0 +1,71 @@
+"""A lump: a part of the object is heavier than the rest.
+
+Motion tells forces only per mass, so the total is a scale that a twin chooses; a lump shifts mass to its place and
+leaves the total as it is. Otherwise it would act as softer springs all over, and be taken for them.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from egophys_core.effects.effect import Body, Effect, Parameter, Surroundings, Values
+from egophys_core.effects.places import weights_around
+from egophys_core.effects.traits import Traits
+
+REACH = 0.6
+"""Of the way from the middle to an end, where a lump is looked for."""
+
+THIN = 0.2
+"""Share of the longest extent below which an object is thin, and a lump's place across it not told."""
+
+
+def adapt(values: Values, body: Body) -> Body:
+    """Nodes near the place get a larger share of the mass; gravity and inertia follow, springs stay as they are."""
+    centre = (body.rest_positions.min(axis=0) + body.rest_positions.max(axis=0)) / 2
+    place = centre + (values["x"], values["y"], values["z"])
+    weights = weights_around(body.rest_positions, place, values["radius"])
+    fraction, total = values["fraction"], body.masses.sum()
+    return replace(body, masses=(body.masses + fraction * total * weights) / (1.0 + fraction))
+
+
+def lies_beside(values: Values, rest_positions: np.ndarray) -> bool:
+    """Whether the lump lies where nothing of the object, [N, 3] metres, is; across a thin one its place is not told."""
+    half = np.ptp(rest_positions, axis=0) / 2.0
+    place = np.array([values["x"], values["y"], values["z"]])
+    return bool((abs(place) > half + values["radius"])[_thick(half)].any())
+
+
+def _thick(half: np.ndarray) -> np.ndarray:
+    """[3] bool: the axes along which the object, of these half extents, is not thin."""
+    return half > THIN * half.max()
+
+
+def starts(surroundings: Surroundings) -> list[dict[str, float]]:
+    """The middle of the object and places towards the ends of its thick axes."""
+    low, high = surroundings.rest_positions.min(axis=0), surroundings.rest_positions.max(axis=0)
+    half = (high - low) / 2
+    radius = float(np.clip(0.4 * half.max(), 0.005, 0.5))
+    thick = np.flatnonzero(_thick(half))
+    places = [np.zeros(3), *(sign * REACH * half[axis] * np.eye(3)[axis] for axis in thick for sign in (-1.0, 1.0))]
+    return [{"x": float(x), "y": float(y), "z": float(z), "radius": radius, "fraction": 0.2} for x, y, z in places]
+
+
+EFFECT = Effect(
+    name="uneven_mass",
+    summary="a lump in the object: mass beyond an even share about one place",
+    equation="m_i = (m + fraction M w_i) / (1 + fraction), w Gaussian of deviation radius, (x, y, z) from the centre",
+    source="Atkeson, An and Hollerbach, Int. J. Robotics Research 5(3) (1986) 101: inertial parameters of loads",
+    parameters=(
+        *(Parameter(name=axis, unit="m", low=-1.0, high=1.0, step=0.03) for axis in ("x", "y", "z")),
+        Parameter(name="radius", unit="m", low=0.005, high=0.5, step=0.3, logarithmic=True),
+        Parameter(name="fraction", unit="1", low=0.0, high=6.0, step=0.1, null=0.0),
+    ),
+    traits=Traits(
+        confounders=("gravity_scale", "hidden_tether", "anisotropy", "constant_body_force"),
+        experiment="let it hang still from one end, then from the other: the lump stretches what is above it",
+        common_in=frozenset({"solid"}),
+        is_implausible=lies_beside,
+    ),
+    starts=starts,
+    adapt=adapt,
+)

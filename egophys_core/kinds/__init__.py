@@ -1,0 +1,1 @@
+"""What an object is: its rest shape and how it is modelled."""

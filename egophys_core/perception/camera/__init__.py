@@ -1,0 +1,1 @@
+"""Frames, lens, board, table and camera poses."""

@@ -1,0 +1,67 @@
+"""Camera poses of single frames -> one pose per frame, with short gaps filled."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from egophys_core.errors import EpisodeError
+from egophys_core.perception.camera.board_pose import CameraPose, NoPose
+
+LONGEST_FILLED_GAP_S = 0.5
+"""As for controllers: what a head does in longer than half a second cannot be guessed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseTrack:
+    """The camera over T frames."""
+
+    world_from_camera: np.ndarray
+    """[T, 4, 4] float64, metres; NaN where unknown."""
+    inferred: np.ndarray
+    """[T] bool: interpolated between frames before and after."""
+    known: np.ndarray
+    """[T] bool: measured or inferred."""
+
+
+def track_poses(stamps_ns: Sequence[int] | np.ndarray, poses: Sequence[CameraPose | NoPose]) -> PoseTrack:
+    """Put poses of single frames together and interpolate where they are missing.
+
+    A gap lasts from the pose before it to the pose after it. Gaps up to `LONGEST_FILLED_GAP_S` are filled: places
+    linearly, orientations along the shortest turn. Nothing is filled before the first pose or after the last.
+
+    Args:
+        stamps_ns: [T] strictly increasing, nanoseconds.
+        poses: T, one a frame.
+
+    Raises:
+        EpisodeError: the lengths differ or the stamps do not increase.
+    """
+    times = np.asarray(stamps_ns, dtype=np.int64)
+    if len(times) != len(poses) or (np.diff(times) <= 0).any():
+        raise EpisodeError(
+            f"poses need one strictly increasing stamp each, got {len(poses)} poses and {len(times)} stamps; "
+            "sort the frames by stamp and drop repeated ones"
+        )
+    matrices = np.full((len(poses), 4, 4), np.nan)
+    for frame, pose in enumerate(poses):
+        if isinstance(pose, CameraPose):
+            matrices[frame] = pose.world_from_camera
+    measured = np.isfinite(matrices).all(axis=(1, 2))
+    inferred = np.zeros(len(poses), bool)
+    frames = np.flatnonzero(measured)
+    seconds = (times - times[:1]) * 1e-9
+    for before, after in pairwise(frames):
+        if after - before == 1 or seconds[after] - seconds[before] > LONGEST_FILLED_GAP_S:
+            continue
+        gap = np.arange(before + 1, after)
+        ends = matrices[[before, after]]
+        turn = Slerp(seconds[[before, after]], Rotation.from_matrix(ends[:, :3, :3]))
+        share = ((seconds[gap] - seconds[before]) / (seconds[after] - seconds[before]))[:, None]
+        matrices[gap] = np.eye(4)
+        matrices[gap, :3, :3] = turn(seconds[gap]).as_matrix()
+        matrices[gap, :3, 3] = (1 - share) * ends[0, :3, 3] + share * ends[1, :3, 3]
+        inferred[gap] = True
+    return PoseTrack(world_from_camera=matrices, inferred=inferred, known=measured | inferred)

@@ -1,0 +1,1 @@
+"""Hands: where they grip or press, from what they move."""

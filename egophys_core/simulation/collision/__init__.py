@@ -1,0 +1,1 @@
+"""Self-collision: which nodes come near each other, and what that does."""

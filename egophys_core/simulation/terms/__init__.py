@@ -1,0 +1,1 @@
+"""The force terms of a substep, one file each."""

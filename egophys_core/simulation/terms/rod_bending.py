@@ -1,0 +1,131 @@
+"""Bending of a rod: what holds the nodes of its centre line as they are at rest, and damps how they turn.
+
+At node i, between pieces of lengths h_i and h_i+1, the line turns by t = (x_i+1 - x_i) / h_i+1 - (x_i - x_i-1) / h_i.
+Over the length H = (h_i + h_i+1) / 2 that it stands for it stores EI |t|^2 / 2H; for pieces that do not stretch this is
+the bending energy of a straight discrete elastic rod (Bergou et al., ACM Trans. Graphics 27 (2008) 63). A material
+that is damped as Kelvin and Voigt's resists dt/dt across the line in the same way. A natural bend and twist add forces
+that are found once a frame (`rod_sections.py`).
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import warp as wp
+
+from egophys_core.simulation.lanes import Lanes
+from egophys_core.simulation.state import ParameterArrays, StateArrays
+from egophys_core.simulation.terms.force_effect import ForceEffect
+from egophys_core.simulation.terms.rod_sections import FIRST_LENGTH, PER_NODE, settle_sections
+from egophys_core.twin import PhysicalParameters, level_axes
+
+TORSION_RATIO = 2.0 / 3.0
+"""GJ / EI of a round rod of a material that keeps its volume."""
+
+MOST_DAMPING_RATE = 1e5
+"""1/s, of the fastest mode, that a rod's own damping may have: more asks for too many substeps."""
+
+
+@wp.func
+def turn(group: int, node: int, axis: int, back: Lanes, onward: Lanes, of: wp.array3d(dtype=Lanes)) -> Lanes:
+    """One coordinate of the turn at a node, between pieces of inverse lengths 1/m, or with velocities of its change."""
+    here = of[group, node, axis]
+    return wp.cw_mul(onward, of[group, node + 1, axis] - here) - wp.cw_mul(back, here - of[group, node - 1, axis])
+
+
+@wp.func
+def add_bending_forces(
+    group: int,
+    first: int,
+    last: int,
+    column: int,
+    time: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    numbers: wp.array2d(dtype=Lanes),
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add the forces of the turns at nodes first..last-1 to these and their neighbours, N."""
+    # EI, N m^2, and its product with the retardation time, N m^2 s.
+    rigidity = numbers[group, column]
+    viscosity = numbers[group, column + 1]
+    nodes = parameters.masses.shape[1]
+    of_sections = column + FIRST_LENGTH + nodes - 1
+    for node in range(first, last):
+        for axis in range(3):
+            forces[group, node, axis] += numbers[group, of_sections + PER_NODE * node + axis]
+    one = Lanes(1.0)
+    for node in range(wp.max(first, 1), wp.min(last, nodes - 1)):
+        length = numbers[group, column + FIRST_LENGTH + node - 1]
+        next_length = numbers[group, column + FIRST_LENGTH + node]
+        back = wp.cw_div(one, length)
+        onward = wp.cw_div(one, next_length)
+        stood_for = 0.5 * (length + next_length)
+        stiff = wp.cw_div(rigidity, stood_for)
+        viscous = wp.cw_div(viscosity, stood_for)
+        # The change of a turn along the line is that of what is bent and turns as one piece; it is not damped.
+        along = Lanes()
+        squared = Lanes()
+        for axis in range(3):
+            chord = state.positions[group, node + 1, axis] - state.positions[group, node - 1, axis]
+            squared += wp.cw_mul(chord, chord)
+            along += wp.cw_mul(chord, turn(group, node, axis, back, onward, state.velocities))
+        along = wp.cw_div(along, squared)
+        for axis in range(3):
+            chord = state.positions[group, node + 1, axis] - state.positions[group, node - 1, axis]
+            turning = turn(group, node, axis, back, onward, state.velocities) - wp.cw_mul(along, chord)
+            moment = wp.cw_mul(stiff, turn(group, node, axis, back, onward, state.positions))
+            moment += wp.cw_mul(viscous, turning)
+            forces[group, node - 1, axis] -= wp.cw_mul(back, moment)
+            forces[group, node, axis] += wp.cw_mul(back + onward, moment)
+            forces[group, node + 1, axis] -= wp.cw_mul(onward, moment)
+
+
+def rod_bending(
+    parameters: Sequence[PhysicalParameters],
+    lengths: np.ndarray,
+    masses: np.ndarray,
+    starts: np.ndarray,
+    far_clamps: np.ndarray,
+) -> ForceEffect:
+    """The bending of K rods as a term of the simulator.
+
+    Args:
+        lengths: [K, N - 1] metres of the pieces between nodes.
+        masses: [K, N] kg.
+        starts: [K, N, 3] metres, where the nodes lie at the start: a rod's axis is the way from its first to its last.
+        far_clamps: [K] whether a clamp holds the last node.
+    """
+    stiff = np.array([[each.flexural_rigidity] for each in parameters])
+    viscous = stiff * np.array([[each.retardation_time] for each in parameters])
+    axes = np.array([level_axes(start[-1] - start[0]) for start in starts])
+    bends = np.array([[each.natural_bend_level, each.natural_bend_up] for each in parameters])
+    sections = [TORSION_RATIO * stiff, far_clamps[:, None], np.einsum("kb,kbi->ki", bends, axes[:, 1:]), axes[:, 0]]
+    found = np.zeros((len(masses), PER_NODE * masses.shape[1]))
+    fastest = np.array([_fastest(*each) for each in zip(lengths, masses, strict=True)])[:, None]
+    return ForceEffect(
+        add_forces=add_bending_forces,
+        numbers=np.concatenate([stiff, viscous, *sections, lengths, found], axis=1).astype(np.float32),
+        settle=settle_sections,
+        rates=fastest * np.concatenate([stiff, viscous], axis=1),
+    )
+
+
+def longest_retardation(rigidity: float, lengths: np.ndarray, masses: np.ndarray) -> float:
+    """Seconds of retardation that a rod's simulation can afford; its own damps slow modes, fast ones are gone anyway.
+
+    Args:
+        rigidity: N m^2.
+        lengths: [N - 1] metres of the pieces between nodes.
+        masses: [N] kg.
+    """
+    return MOST_DAMPING_RATE / (rigidity * _fastest(lengths, masses))
+
+
+def _fastest(lengths: np.ndarray, masses: np.ndarray) -> float:
+    """Largest omega^2 in 1/s^2 of a rod of 1 N m^2, lengths [N - 1] and masses [N]."""
+    h = lengths.astype(np.float64)
+    turns = np.zeros((len(h) - 1, len(masses)))
+    rows = np.arange(len(turns))
+    turns[rows, rows], turns[rows, rows + 1], turns[rows, rows + 2] = 1 / h[:-1], -1 / h[:-1] - 1 / h[1:], 1 / h[1:]
+    scaled = turns * np.sqrt(2.0 / (h[:-1] + h[1:]))[:, None] / np.sqrt(masses)
+    return float(np.linalg.norm(scaled, 2) ** 2)

@@ -1,0 +1,93 @@
+"""Findings made by hand, for tests of what is done with them."""
+
+from typing import Any
+
+import numpy as np
+
+from egophys_core.diagnosis.diagnosis import (
+    Candidate,
+    Diagnosis,
+    EpisodeError,
+    Estimate,
+    Evidence,
+    NamedEffect,
+    Outcome,
+    Where,
+)
+
+
+def make_diagnosis(**changes: Any) -> Diagnosis:
+    """Drag, found in two episodes and reported on a third."""
+    fields: dict[str, Any] = {
+        "outcome": Outcome.NAMED,
+        "effects": (
+            NamedEffect(
+                name="quadratic_drag",
+                parameters={"coefficient": Estimate(value=3.8, unit="1/m", ci95=(2.75, 4.6))},
+                episodes_agree=True,
+            ),
+        ),
+        "candidates": (
+            Candidate(
+                name="quadratic_drag",
+                held_out_gain=406.0,
+                p_null=0.005,
+                fitted_gain=450.0,
+                proof_gain=55.0,
+                values={"coefficient": 3.8},
+            ),
+            Candidate(
+                name="bending_damping",
+                held_out_gain=-900.0,
+                p_null=0.4,
+                fitted_gain=4.0,
+                proof_gain=None,
+                values={"factor": 1.2},
+            ),
+        ),
+        "experiment": None,
+        "where": Where(
+            size_m=0.0062,
+            by_region={"near the hand": 0.002, "on the table": float("nan")},
+            by_motion={"low speed": 0.0021, "high speed": 0.0102},
+            worst_time_s={"swing": 3.125},
+            law="a = -3.5 |v| v (1/m)",
+        ),
+        "error": (episode_error("lift", fitted=True), episode_error("pull", fitted=True), episode_error("swing")),
+        "seconds": 341.25,
+        "reason": "quadratic_drag gains 406 on held-out data",
+        "twin_id": "93f0a1b2c3d4e5f6",
+        "improved_twin_id": "0123456789abcdef",
+    }
+    return Diagnosis(**{**fields, **changes})
+
+
+def episode_error(episode: str, *, fitted: bool = False, before: float = 0.012, after: float = 0.005) -> EpisodeError:
+    """An error that the effect makes smaller; 1 mm less in what was fitted."""
+    less = 0.001 if fitted else 0.0
+    return EpisodeError(
+        episode=episode,
+        track_before_m=before - less,
+        track_after_m=after - less,
+        chamfer_before_m=0.004,
+        chamfer_after_m=0.0025,
+        last_residual_track_m=0.0066,
+        fitted=fitted,
+    )
+
+
+def make_evidence(names: tuple[str, ...] = ("lift", "pull", "swing"), points: int = 40) -> Evidence:
+    """Errors that rise after a quiet second, and a sheet that sags."""
+    times = np.linspace(0.0, 4.0, 60)
+    rising = np.where(times < 1.0, np.nan, 0.004 * times)
+    generator = np.random.default_rng(3)
+    rest = generator.uniform([-0.1, -0.2, 0.004], [0.1, 0.2, 0.006], size=(points, 3))
+    field = np.zeros((points, 3))
+    field[:, 2] = -0.02 * rest[:, 1]
+    return Evidence(
+        times=dict.fromkeys(names, times),
+        before=dict.fromkeys(names, rising),
+        after=dict.fromkeys(names, 0.4 * rising),
+        rest=rest,
+        field=field,
+    )

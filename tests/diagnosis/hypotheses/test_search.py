@@ -1,0 +1,67 @@
+"""What is worth a refit, by slopes and by leaps; and what a search calls unexplained."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from egophys_core.diagnosis.diagnosis import Outcome
+from egophys_core.diagnosis.evidence.fitted_parameters import base_knobs
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers
+from egophys_core.diagnosis.evidence.refit import Fitted, refit
+from egophys_core.diagnosis.hypotheses.large_amplitude import Leap
+from egophys_core.diagnosis.hypotheses.ranking import Probe
+from egophys_core.diagnosis.hypotheses.search import Survey, search
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.problem import Inquiry
+from egophys_core.effects import LIBRARY
+from egophys_core.identification.marker_unknowns import rod_model
+from egophys_core.observation.markers import marker_body
+from tests.diagnosis.cantilever import twin_of
+from tests.effects.situations import sheet
+from tests.kinds.hanging_cable import curve, moved_by_hand, record_of, rolled_out
+
+SCALE = 1e-3
+SHAPE = (30, 12, 3)
+
+
+def test_an_effect_without_slopes_is_worth_a_refit_if_a_leap_gains():
+    generator = np.random.default_rng(0)
+    noise, missed, odd = (generator.normal(0, size * SCALE, SHAPE) for size in (1, 4, 4))
+    starts = {"gravity_scale": {"scale": 0.9}, "quadratic_drag": {"coefficient": 5.0}, "tracking_scale": {"scale": 1.1}}
+    slopes = {"gravity_scale": np.zeros(SHAPE), "quadratic_drag": -missed, "tracking_scale": np.zeros(SHAPE)}
+    survey = Survey(
+        fitted=Fitted(
+            model=sheet(),
+            residuals=[missed + noise],
+            jacobian=[np.zeros((*SHAPE, 0))],
+            knobs=base_knobs(sheet(), clamped=False)[:0],
+            scale=SCALE,
+        ),
+        probes=[
+            Probe(effect=LIBRARY[name], start=start, slopes=[slopes[name][..., None]]) for name, start in starts.items()
+        ],
+        leaps=[
+            Leap(name="gravity_scale", residuals=[noise]),
+            Leap(name="tracking_scale", residuals=[missed + odd + noise]),
+        ],
+        on_rods={},
+    )
+    ranking, worth = survey.ranking(SCALE, shams=5, seed=0)
+    assert ranking.ranked[0].name == "quadratic_drag"
+    assert {each.name for each in worth} == {"gravity_scale", "quadratic_drag"}
+
+
+def test_a_cable_that_goes_where_nothing_pulls_it_is_unexplained():
+    moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=140))
+    body = marker_body(moved, None)
+    cable = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=1.0)
+    wobble = 0.03 * np.sin(2.0 * np.pi * 4.0 * moved.times)[:, None, None]
+    seen = replace(moved, points=(rolled_out(cable, body, moved) + wobble).astype(np.float32))
+    observations = [observe_markers(twin_of(body, cable), seen)]
+    before = refit(observations, cable, base_knobs(cable, clamped=True), iterations=0)
+    inquiry = Inquiry(
+        observations=observations, proofs=(), options=DiagnosisOptions(refit_iterations=1, bootstraps=50), seed=0
+    )
+    verdict = search(inquiry, before, LIBRARY.keys() - {"quadratic_drag"}, lambda stage, share: None).verdict
+    assert verdict.outcome == Outcome.UNEXPLAINED
+    assert "where a twin that lacks nothing leaves" in verdict.reason

@@ -1,0 +1,79 @@
+"""How what was measured and what searches find make one outcome; the searches here are of hand-made verdicts."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from egophys_core.diagnosis.diagnosis import Outcome
+from egophys_core.diagnosis.verdict import explain
+
+DELAY = SimpleNamespace(name="control_delay", shows=True, reason="control_delay is measured")
+ABSENT = SimpleNamespace(name="tracking_scale", shows=False, reason="tracking_scale is measured")
+
+
+def judged(name: str) -> SimpleNamespace:
+    return SimpleNamespace(name=name, fitted=f"with {name}")
+
+
+def verdict(outcome: Outcome, *names: str) -> SimpleNamespace:
+    return SimpleNamespace(
+        outcome=outcome, judged=tuple(map(judged, names)), reason=f"{outcome} {' '.join(names)}", experiment=None
+    )
+
+
+NONE, UNEXPLAINED = verdict(Outcome.NONE), verdict(Outcome.UNEXPLAINED)
+DRAG, TETHER = verdict(Outcome.NAMED, "drag"), verdict(Outcome.NAMED, "tether")
+EITHER = verdict(Outcome.AMBIGUOUS, "tilt", "force")
+
+
+@pytest.mark.parametrize(
+    ("measured", "verdicts", "outcome", "names", "fitted"),
+    [
+        ([], [NONE], Outcome.NONE, [], "relieved"),
+        ([], [UNEXPLAINED], Outcome.UNEXPLAINED, [], "relieved"),
+        ([], [EITHER], Outcome.AMBIGUOUS, ["tilt", "force"], "with tilt"),
+        ([], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
+        ([], [DRAG, TETHER], Outcome.NAMED, ["drag", "tether"], "with tether"),
+        ([], [DRAG, EITHER], Outcome.NAMED_AND_UNEXPLAINED, ["drag"], "with drag"),
+        ([DELAY], [NONE], Outcome.NAMED, ["control_delay"], "base"),
+        ([DELAY], [DRAG], Outcome.NAMED, ["control_delay", "drag"], "with drag"),
+        ([ABSENT], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
+        ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], "base"),
+        ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], "base"),
+    ],
+)
+def test_the_outcome_is_of_all_that_was_found(
+    monkeypatch: pytest.MonkeyPatch,
+    measured: list[Any],
+    verdicts: list[SimpleNamespace],
+    outcome: Outcome,
+    names: list[str],
+    fitted: str,
+):
+    asked = []
+
+    def search(inquiry: Any, before: Any, without: set[str], progress: Any, *, others: list[Any]) -> SimpleNamespace:
+        asked.append(without)
+        progress("search", 1.0)
+        return SimpleNamespace(verdict=verdicts[len(asked) - 1], before="relieved")
+
+    monkeypatch.setattr(explain, "search", search)
+    shares: list[float] = []
+    base: Any = SimpleNamespace(fitted="base", others=["another"])
+    found = explain.explain(
+        SimpleNamespace(),  # type: ignore[arg-type]
+        base,
+        measured,
+        {"grasp_slip"},
+        lambda stage, share: shares.append(share),
+    )
+    assert found.outcome == outcome
+    assert [each.name for each in found.named] == names
+    assert found.fitted == fitted
+    assert len(asked) == len(verdicts)
+    assert shares == sorted(shares)
+    assert asked[0] == {"grasp_slip", *(each.name for each in measured)}
+    for each in (*(one for one in measured if one.shows), *(one for one in verdicts if one.outcome == Outcome.NAMED)):
+        assert each.reason in found.reason
+    assert ABSENT.reason not in found.reason

@@ -1,0 +1,157 @@
+"""Hands that slip, and hands that were elsewhere than recorded."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from egophys_core.effects import LIBRARY, TwinEffect
+from egophys_core.effects.rotations import rotation
+from egophys_core.simulation import ContactKind, Controls, batch_of_models
+from tests.effects.situations import FRAME, centre_path, frame_scene, lifted, run, sheet, with_effect
+from tests.simulation.scenes import frame_times, sheet_model
+
+HELD = np.array([[0, 0], [0, 1]])
+"""One node by the first two controllers."""
+
+
+def scenes_along(path, *, held=HELD, shifts=None):
+    """Consecutive frames of a node at the origin while controllers go along `path` [F, C, 3]."""
+    velocities = np.gradient(path, FRAME, axis=0)
+    return [
+        frame_scene(
+            [[0, 0, 0]],
+            time=frame * FRAME,
+            controllers=path[frame],
+            controller_velocities=velocities[frame],
+            held=held,
+        )
+        for frame in range(len(path))
+    ]
+
+
+def grip_shifts(name, values, path, holds):
+    """[F, C, 3] shifts at the end of each frame, fed back into what the next frame sees, as the engine does."""
+    load, memory, shift, found = LIBRARY[name].load, None, np.zeros(path.shape[1:]), []
+    for scene, held in zip(scenes_along(path), holds, strict=True):
+        seen = replace(scene, controllers=scene.controllers + shift, held=HELD if held else HELD[:0])
+        each, memory = load(values, seen, memory)
+        shift = np.zeros_like(shift) if each.grip_shift is None else each.grip_shift
+        found.append(shift)
+    return np.array(found)
+
+
+def straight(frames=20):
+    """Three controllers that move along (0.3, 0, 0.6) m/s."""
+    start = np.array([[0, 0, 0.1], [0.02, 0, 0.1], [0.5, 0, 0.1]])
+    return start + (np.arange(frames) * FRAME)[:, None, None] * np.array([0.3, 0.0, 0.6])
+
+
+def test_slip_runs_at_its_velocity_from_its_onset():
+    path = np.tile([[[0.0, 0.0, 0.2], [0.0, 0.0, 0.2], [0.5, 0, 0.2]]], (20, 1, 1))
+    shifts = grip_shifts("grasp_slip", {"x": 0.05, "y": 0.0, "z": -0.1, "onset": 0.25}, path, [True] * 20)
+    since = np.maximum(FRAME * np.arange(1, 21) - 0.25, 0.0)
+    assert shifts[:, 0] == pytest.approx(since[:, None] * [0.05, 0.0, -0.1])
+    assert (shifts[:, 2] == 0).all()
+
+
+def test_slip_ends_with_the_grip_and_where_nothing_is_left_to_hold():
+    path = np.tile([[[0.0, 0.0, 2.0], [0.0, 0.0, 2.0]]], (80, 1, 1))
+    values = {"x": 0.0, "y": 0.0, "z": -0.2, "onset": 0.0}
+    shifts = grip_shifts("grasp_slip", values, path, [True] * 70 + [False] * 10)
+    assert shifts[69, 0, 2] == pytest.approx(-0.3)
+    assert (shifts[70:] == 0).all()
+
+
+def test_a_slipping_object_sinks_under_the_hand():
+    model = sheet(controller_stiffness=200.0, drag=2.0, stiffness=100.0)
+    still = lifted(duration=1.5, height=0.0)
+    plain = run(model, still).positions[0, :, :, 2].mean(axis=1)
+    slips = (
+        run(with_effect(model, "grasp_slip", x=0.0, y=0.0, z=-0.05, onset=0.5), still)
+        .positions[0, :, :, 2]
+        .mean(axis=1)
+    )
+    before = still.times <= 0.5
+    assert np.abs(slips - plain)[before].max() < 1e-6
+    assert slips[-1] - plain[-1] == pytest.approx(-0.05, abs=0.01)
+
+
+def test_an_object_recorded_at_a_scale_meets_hands_and_falls_at_that_scale():
+    effect, path = LIBRARY["tracking_scale"], straight()
+    assert effect.drive({"scale": 0.9}, np.arange(20) * FRAME, path) == pytest.approx(0.9 * path)
+    model = sheet(gravity=9.81)
+    fallen = [
+        centre_path(run(each, duration=0.3))[[0, -1], 2]
+        for each in (model, with_effect(model, "tracking_scale", scale=0.9))
+    ]
+    assert np.ptp(fallen[1]) == pytest.approx(0.9 * np.ptp(fallen[0]), rel=1e-3)
+
+
+@pytest.mark.parametrize(("values", "axis"), [((0.2, 0.0), (1, 0, 0)), ((0.0, 0.2), (0, 1, 0))])
+def test_a_tilted_tracking_frame_records_the_vertical_tilted(values, axis):
+    frame = LIBRARY["tracking_rotation"].frame({"about_x": values[0], "about_y": values[1]})
+    assert frame @ axis == pytest.approx(np.array(axis))
+    assert frame @ [0, 0, 1] == pytest.approx(
+        np.cos(0.2) * np.array([0, 0, 1]) + np.sin(0.2) * np.cross(axis, [0, 0, 1])
+    )
+    assert np.linalg.det(frame) == pytest.approx(1.0)
+
+
+def test_a_scaled_hand_lifts_a_scaled_way():
+    model = with_effect(sheet(gravity=0.0, controller_stiffness=500.0), "tracking_scale", scale=1.5)
+    controls = lifted(duration=2.0, height=0.1)
+    result = run(model, controls)
+    corner = np.linalg.norm(result.positions[0, 0] - [0.07, 0.07, 0], axis=1).argmin()
+    assert np.ptp(result.positions[0, [0, -1], corner, 2]) == pytest.approx(0.15, abs=0.006)
+
+
+@pytest.mark.parametrize("vector", [(0.3, -0.2, 0.9), (0.0, 0.0, 1e-8), (0.0, 0.0, 0.0)])
+def test_rotations_keep_lengths_and_their_axis(vector):
+    matrix = rotation(np.array(vector))
+    assert matrix @ matrix.T == pytest.approx(np.eye(3))
+    assert np.linalg.det(matrix) == pytest.approx(1.0)
+    assert matrix @ vector == pytest.approx(np.array(vector))
+
+
+def test_a_delayed_hand_is_where_it_was():
+    controls = lifted(duration=1.0, height=0.3)
+    contact = np.where(controls.times[:, None] < 0.5, ContactKind.NONE, ContactKind.HOLD)
+    controls = replace(controls, contact=np.broadcast_to(contact, controls.contact.shape).astype(np.uint8))
+    delayed = TwinEffect(name="control_delay", values={"delay": 3 * FRAME})
+    model = replace(sheet_model(), effects=(delayed,))
+    moved = batch_of_models([model], [controls], ground_height=0.0).controls[0]
+    late = np.maximum(controls.times - 3 * FRAME, 0.0)
+    assert moved.positions[:, 0, 2] == pytest.approx(0.3 * late, abs=1e-5)
+    assert np.array_equal(moved.contact[3:], controls.contact[:-3])
+
+
+def test_an_offset_of_tracking_moves_every_hand_alike():
+    path = straight()
+    moved = LIBRARY["tracking_offset"].drive({"x": 0.01, "y": -0.02, "z": 0.0}, np.arange(20) * FRAME, path)
+    assert moved - path == pytest.approx(np.broadcast_to([0.01, -0.02, 0.0], path.shape))
+
+
+def turning_hands():
+    """Two hands of four points; the first turns by 90 degrees about z, the second keeps still."""
+    times = frame_times(1.0, FRAME)
+    shape = np.array([[0.02, 0, 0], [-0.02, 0, 0], [0, 0.03, 0], [0, 0, 0.02]])
+    turned = [shape @ rotation(np.array([0, 0, time * np.pi / 2])).T + [0.1 * time, 0, 0.2] for time in times]
+    path = np.concatenate([np.array(turned), np.tile(shape + [0.5, 0, 0.2], (len(times), 1, 1))], axis=1)
+    return Controls(times=times, positions=path.astype(np.float32), contact=np.ones(path.shape[:2], np.uint8))
+
+
+def test_an_offset_of_the_gripper_turns_with_its_own_hand():
+    controls = turning_hands()
+    path = controls.positions.astype(float)
+    away = LIBRARY["gripper_offset"].drive({"x": 0.01, "y": 0.0, "z": 0.002}, controls.times, path) - path
+    assert away[0] == pytest.approx(np.tile([0.01, 0, 0.002], (8, 1)), abs=1e-6)
+    assert away[-1, :4] == pytest.approx(np.tile([0, 0.01, 0.002], (4, 1)), abs=1e-6)
+    assert away[-1, 4:] == pytest.approx(np.tile([0.01, 0, 0.002], (4, 1)), abs=1e-6)
+
+
+@pytest.mark.parametrize("points", [1, 2, 3])
+def test_points_on_a_line_do_not_tell_how_the_gripper_turns(points):
+    path = turning_hands().positions[:, :1].astype(float) + 0.01 * np.arange(points)[:, None] * [1.0, 0, 0]
+    away = LIBRARY["gripper_offset"].drive({"x": 0.01, "y": 0.0, "z": 0.0}, np.arange(len(path)) * FRAME, path) - path
+    assert away == pytest.approx(np.broadcast_to([0.01, 0, 0], path.shape))

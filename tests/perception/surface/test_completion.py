@@ -1,0 +1,83 @@
+"""The hidden side of solids: symmetric bodies close on themselves."""
+
+import numpy as np
+import pytest
+
+from egophys_core.perception.surface.completion import ClosedSurface, close_surface
+from egophys_core.perception.surface.surface_mesh import SurfaceMesh, mesh_of_mask
+
+RADII = np.array([0.08, 0.06, 0.04])
+TABLE = 0.01
+
+
+def disc_mesh() -> SurfaceMesh:
+    y, x = np.mgrid[:101, :101] - 50.0
+    return mesh_of_mask(x * x + y * y <= 45**2, 5.0)
+
+
+def upper_half() -> tuple[SurfaceMesh, np.ndarray]:
+    """A lying ellipsoid seen from right above: its upper half."""
+    mesh = disc_mesh()
+    flat = (mesh.pixels - 50) / 45.6
+    up = np.sqrt(np.maximum(1 - (flat**2).sum(axis=1), 0))
+    return mesh, RADII * np.column_stack([flat[:, 0], -flat[:, 1], up]) + [0.2, 0.1, TABLE + RADII[2]]
+
+
+def closed() -> tuple[SurfaceMesh, np.ndarray, ClosedSurface]:
+    mesh, visible = upper_half()
+    return mesh, visible, close_surface(mesh, visible, TABLE)
+
+
+def test_an_ellipsoid_closes_on_itself() -> None:
+    _, visible, found = closed()
+    unit = (found.positions - [0.2, 0.1, TABLE + RADII[2]]) / RADII
+    np.testing.assert_allclose(np.linalg.norm(unit, axis=1), 1, atol=0.04)
+    np.testing.assert_array_equal(found.positions[: len(visible)], visible)
+    assert found.positions[:, 2].min() == pytest.approx(TABLE, abs=0.001)
+
+
+def test_a_box_gets_its_lower_corners() -> None:
+    mesh = disc_mesh()
+    flat = (mesh.pixels - 50) / 45.6
+    # Seen from above and the front: the top where y > 0, the front below.
+    top = flat[:, 1] < 0
+    places = np.column_stack(
+        [0.1 * flat[:, 0], np.where(top, -0.1 * flat[:, 1], 0), np.where(top, 0.08, 0.08 * (1 - flat[:, 1]))]
+    )
+    found = close_surface(mesh, places, 0.0)
+    hidden = found.positions[len(places) :]
+    assert hidden[:, 2].min() >= 0
+    assert hidden[:, 2].max() <= 0.08 + 1e-9
+    assert hidden[:, 1].max() > 0.05
+
+
+def test_nothing_lies_below_the_table() -> None:
+    mesh, visible = upper_half()
+    for table in (TABLE, TABLE + 0.03, TABLE + 0.07):
+        found = close_surface(mesh, visible, table)
+        assert found.positions[len(visible) :, 2].min() >= table
+
+
+def test_links_are_unique_pairs_with_a_length_and_reach_both_sides() -> None:
+    _, visible, found = closed()
+    count = len(visible)
+    assert (found.links[:, 0] < found.links[:, 1]).all()
+    assert len(np.unique(found.links, axis=0)) == len(found.links)
+    length = np.linalg.norm(found.positions[found.links[:, 0]] - found.positions[found.links[:, 1]], axis=1)
+    assert length.min() > 0
+    assert np.isin(np.arange(2 * count), found.links).mean() > 0.99
+    assert ((found.links[:, 0] < count) & (found.links[:, 1] >= count)).any()
+
+
+def test_a_turned_object_gets_the_turned_side() -> None:
+    mesh, visible, found = closed()
+    cos, sin = np.cos(0.7), np.sin(0.7)
+    turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
+    again = close_surface(mesh, visible @ turn.T + [1, 2, 0], TABLE)
+    np.testing.assert_allclose(again.positions, found.positions @ turn.T + [1, 2, 0], atol=1e-9)
+
+
+def test_flat_on_the_table_stays_finite() -> None:
+    mesh, visible = upper_half()
+    visible[:, 2] = TABLE
+    assert np.isfinite(close_surface(mesh, visible, TABLE).positions).all()

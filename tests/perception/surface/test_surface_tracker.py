@@ -1,0 +1,110 @@
+"""The surface from view to view, with true poses and masks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from egophys_core.perception.stages import Masks
+from egophys_core.perception.surface.surface_tracker import SurfaceTracker
+from tests.perception.surface.surface_scene import SIDE, material_of, object_at_rest, surface, tracked, video
+
+REST, FRAMES = object_at_rest(), video()
+NOTHING = Masks(object=np.zeros((SIDE, SIDE), bool), hand=np.zeros((SIDE, SIDE), bool))
+INNER = REST.model.mesh.triangles[REST.feature_triangles]
+
+
+def points(positions: np.ndarray) -> np.ndarray:
+    return np.einsum("nk,nkd->nd", REST.feature_weights, positions[INNER])
+
+
+def error(index: int) -> np.ndarray:
+    """[N] metres from the drawn material, of the features seen in the state before frame index."""
+    first = FRAMES[REST.reference]
+    material = material_of(points(REST.model.rest), first)
+    state = tracked()[index - REST.reference - 1]
+    true = surface(FRAMES[index])[material]
+    return np.asarray(np.linalg.norm(points(state.positions) - true, axis=1)[state.seen])
+
+
+@pytest.mark.parametrize("index", [6, 14, 24, 34, 44])
+def test_material_is_followed(index: int) -> None:
+    found = error(index)
+    assert len(found) > 0.5 * len(REST.feature_pixels)
+    # Half the thickness of 3 mm lies between skin and middle.
+    assert found.mean() < 0.0035
+    assert np.percentile(found, 95) < 0.010
+
+
+def test_hand_takes_hold_when_the_object_moves_and_not_before() -> None:
+    held = [index for index, state in enumerate(tracked(), REST.reference + 1) if state.grip is not None]
+    assert held
+    assert 18 <= held[0] <= 28
+    grip = tracked()[held[0] - REST.reference - 1].grip
+    assert grip is not None
+    where = REST.model.rest[grip.vertices]
+    # The hand comes to the right end.
+    assert where[:, 0].min() > 0.05
+
+
+def test_hand_moves_only_while_it_is_seen() -> None:
+    motions = [state.hand_motion for state in tracked()]
+    seen = [np.count_nonzero(frame.masks.hand) > 500 for frame in FRAMES[REST.reference + 1 :]]
+    assert all(motion is None for motion, there in zip(motions, seen, strict=True) if not there)
+    assert motions[-1] is not None
+    np.testing.assert_allclose(motions[-1][:, :2], np.eye(2), atol=0.1)
+
+
+def test_lengths_are_kept() -> None:
+    one, other = REST.model.links.T
+    length = np.linalg.norm(tracked()[-1].positions[one] - tracked()[-1].positions[other], axis=1)
+    strain = length / np.linalg.norm(REST.model.rest[one] - REST.model.rest[other], axis=1) - 1
+    assert np.abs(strain).mean() < 0.02
+
+
+def test_what_is_not_seen_stays_with_the_prediction() -> None:
+    tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
+    for frame in FRAMES[1:8]:
+        state = tracker.next(frame.view, NOTHING)
+    assert not state.seen.any()
+    assert state.grip is None
+    # On the table it can not fall.
+    np.testing.assert_allclose(state.positions, REST.model.rest, atol=0.002)
+
+
+def test_found_again_after_it_was_hidden() -> None:
+    tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
+    for index, frame in enumerate(FRAMES[1:13]):
+        state = tracker.next(frame.view, NOTHING if 3 <= index < 9 else frame.masks)
+    assert state.seen.mean() > 0.7
+
+
+def test_backward_in_time_works_as_forward() -> None:
+    tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
+    for frame in reversed(FRAMES[:12]):
+        state = tracker.next(frame.view, frame.masks)
+    assert state.seen.mean() > 0.7
+    assert np.isfinite(state.positions).all()
+
+
+def test_repeated_stamp_does_no_harm() -> None:
+    tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
+    for _ in range(3):
+        state = tracker.next(replace(FRAMES[1].view, stamp_ns=FRAMES[0].stamp_ns), FRAMES[1].masks)
+    assert np.isfinite(state.positions).all()
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_black_and_white_images_see_nothing_and_stay_finite(value: int) -> None:
+    tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
+    plain = np.full((SIDE, SIDE, 3), value, np.uint8)
+    state = tracker.next(replace(FRAMES[1].view, image=plain), FRAMES[1].masks)
+    assert state.seen.mean() < 0.05
+    assert np.isfinite(state.positions).all()
+
+
+def test_camera_that_looks_away_sees_nothing_and_stays_finite() -> None:
+    pose = FRAMES[1].world_from_camera @ np.diag([1.0, -1, -1, 1])
+    state = SurfaceTracker(REST, FRAMES[0].view).next(replace(FRAMES[1].view, world_from_camera=pose), FRAMES[1].masks)
+    assert not state.seen.any()
+    assert np.isfinite(state.positions).all()

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import beam, blind, cable, cost, perception, physics, planted, towel
+from benchmarks import beam, blind, cable, cost, injected, perception, physics, towel
 from benchmarks.provenance import commit, machine
 from egophys_core.files import write_atomically, write_json
 
@@ -16,7 +16,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "physics": physics.run,
     "towel": towel.run,
     "perception": perception.run,
-    "planted": planted.run,
+    "injected": injected.run,
     "diagnoses": blind.run,
     "beam": beam.run,
     "cable": cable.run,
@@ -46,7 +46,7 @@ def renew_tables() -> None:
         ("accuracy", "physics", _accuracy_table),
         ("towel", "towel", _towel_table),
         ("perception", "perception", _perception_table),
-        ("planted", "planted", _planted_table),
+        ("injected", "injected", _injected_table),
         ("diagnoses", "diagnoses", _diagnoses_table),
         ("beam", "beam", _beam_table),
         ("cable", "cable", _cable_table),
@@ -103,14 +103,14 @@ def _beam_table(result: dict[str, Any]) -> str:
 
 def _cable_table(result: dict[str, Any]) -> str:
     lines = [
-        "| planted | the diagnosis | motion of the hands | | as built | refitted, no effect | with what is named | s |",
+        "| injected | the diagnosis | motion | | as built | refitted, no effect | with what is named | s |",
         "|" + " --- |" * 8,
     ]
     for name, row in result["cables"].items():
         outcome = f"{row['outcome']}: {_named(row['effects'])}" if row["effects"] else row["outcome"]
-        planted = ", ".join([name, *(f"{number} {value:g}" for number, value in row["planted"].items())])
+        injected = ", ".join([name, *(f"{number} {value:g}" for number, value in row["injected"].items())])
         for index, (motion, errors) in enumerate(row["rmse_m"].items()):
-            first = (planted, outcome) if index == 0 else ("", "")
+            first = (injected, outcome) if index == 0 else ("", "")
             fitted = "held out" if motion == result["held_out"] else "fitted"
             millimetres = [f"{1e3 * each:.1f}" for each in errors.values()]
             seconds = f"{row['build_seconds'] + row['diagnose_seconds']:.0f}" if index == 0 else ""
@@ -131,28 +131,28 @@ def _named(effects: list[dict[str, Any]]) -> str:
     )
 
 
-def _planted_table(result: dict[str, Any]) -> str:
-    """The confusion matrix: what was said of each planted effect, by size, with its entry in the library or not."""
+def _injected_table(result: dict[str, Any]) -> str:
+    """The confusion matrix: what was said of each injected effect, by size, with its entry in the library or not."""
     nothing = [row for row in result["rows"] if row["effect"] == "none"]
-    planted = [row for row in result["rows"] if row["effect"] != "none"]
-    found = {(row["effect"], row["size"], bool(row["without"])): row for row in planted}
+    injected = [row for row in result["rows"] if row["effect"] != "none"]
+    found = {(row["effect"], row["size"], bool(row["without"])): row for row in injected}
     columns = [(size, left_out) for left_out in (False, True) for size in ("large", "small")]
     lines = [
         f"{_share(nothing, [])} of the sets without an effect were given no name"
         + "".join(f"; {row['object']}, {' and '.join(row['motions'])}: {_said(row)}" for row in nothing if row["named"])
         + ". Named right: "
-        + ", ".join(f"{_share(_of(planted, size, False), None)} of the {size} ones" for size in ("large", "small"))
+        + ", ".join(f"{_share(_of(injected, size, False), None)} of the {size} ones" for size in ("large", "small"))
         + "; it is among what cannot be told apart in "
-        + " and ".join(f"{_among(_of(planted, size, False))} more" for size in ("large", "small"))
+        + " and ".join(f"{_among(_of(injected, size, False))} more" for size in ("large", "small"))
         + ". No name with the entry left out: "
-        + ", ".join(f"{_share(_of(planted, size, True), [])} of the {size} ones" for size in ("large", "small"))
+        + ", ".join(f"{_share(_of(injected, size, True), [])} of the {size} ones" for size in ("large", "small"))
         + ".",
         "",
-        "| planted | moves points by (mm) | large | small | large, entry left out | small, entry left out |",
+        "| injected | moves points by (mm) | large | small | large, entry left out | small, entry left out |",
         "|---|---|---|---|---|---|",
     ]
     moved = result.get("moved_m", {})
-    for name in sorted({row["effect"] for row in planted}):
+    for name in sorted({row["effect"] for row in injected}):
         cells = [
             ", ".join(f"{1000 * moved[name][size]:.1f}" for size in ("large", "small") if size in moved.get(name, {}))
         ]
@@ -166,13 +166,13 @@ def _of(rows: list[dict[str, Any]], size: str, left_out: bool) -> list[dict[str,
 
 
 def _share(rows: list[dict[str, Any]], names: list[str] | None) -> str:
-    """How many were given just these names, or, with None, that of what was planted; ambiguous sets name nothing."""
+    """How many were given just these names, or, with None, that of what was injected; ambiguous sets name nothing."""
     right = sum(_names(row) == ([row["effect"]] if names is None else names) for row in rows)
     return f"{right} of {len(rows)}"
 
 
 def _among(rows: list[dict[str, Any]]) -> int:
-    """How many ambiguous sets have what was planted in them."""
+    """How many ambiguous sets have what was injected in them."""
     return sum(row["outcome"] == "ambiguous" and row["effect"] in row["named"] for row in rows)
 
 

@@ -12,11 +12,18 @@ from egophys_core.cli.display import print_json, progress_bar
 from egophys_core.errors import OptionsError, OutputError
 from egophys_core.options import from_mapping, to_mapping
 from egophys_core.recording import write_episode
-from egophys_core.rehearsal import PLANTS, Motion, RehearsalObject, RehearsalOptions, complete_effects, planted_sizes
+from egophys_core.rehearsal import (
+    INJECTABLE,
+    Motion,
+    RehearsalObject,
+    RehearsalOptions,
+    complete_effects,
+    injected_sizes,
+)
 from egophys_core.rehearsal import rehearse as rehearse_episode
 
 NAME = "rehearse"
-HELP = "Record episodes of a soft object in a physics engine that is not the twin's, with any effect planted."
+HELP = "Record episodes of a soft object in a physics engine that is not the twin's, with any effect injected."
 
 NUMBERS = ("duration_s", "rate_hz", "points", "noise_m", "dropout", "spread")
 
@@ -36,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"an episode each, of {', '.join(Motion)}; default lift double_pull double_lift pull",
     )
     parser.add_argument(
-        "--effect", nargs="+", default=["none"], metavar="NAME", help=f"none (default), or of {', '.join(PLANTS)}"
+        "--effect", nargs="+", default=["none"], metavar="NAME", help=f"none (default), or of {', '.join(INJECTABLE)}"
     )
     parser.add_argument("--size", choices=("small", "large"), default="large", help="of the effects; default large")
     parser.add_argument(
@@ -103,9 +110,9 @@ def run(parsed: argparse.Namespace) -> int:
 
 
 def _effects(parsed: argparse.Namespace) -> dict[str, dict[str, float]]:
-    """What to plant, with every parameter."""
+    """What to inject, with every parameter."""
     names = [] if parsed.effect == ["none"] else parsed.effect
-    effects = {name: planted_sizes(name)[parsed.size] for name in names}
+    effects = {name: injected_sizes(name)[parsed.size] for name in names}
     for assignment in parsed.parameter:
         place, _, value = assignment.partition("=")
         effect, _, parameter = place.rpartition(".")
@@ -141,8 +148,10 @@ def _truth(
         "effects": [
             {
                 "name": name,
-                "equation": PLANTS[name].equation,
-                "parameters": {key: {"value": value, "unit": PLANTS[name].units[key]} for key, value in values.items()},
+                "equation": INJECTABLE[name].equation,
+                "parameters": {
+                    key: {"value": value, "unit": INJECTABLE[name].units[key]} for key, value in values.items()
+                },
             }
             for name, values in effects.items()
         ],

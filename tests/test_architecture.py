@@ -13,7 +13,18 @@ PACKAGE = Path(egophys_core.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 
-BASE = {"cores", "errors", "files", "geometry", "json_numbers", "options", "episode", "waypoint_plan"}
+BASE = {
+    "constants",
+    "cores",
+    "errors",
+    "files",
+    "geometry",
+    "interpolation",
+    "json_numbers",
+    "options",
+    "episode",
+    "waypoint_plan",
+}
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from egophys_core.cli.display import print_json, print_table, progress_bar
-from egophys_core.replay import PLANNER_NODE, TWIN_NODE, Outcome, replay_log
+from egophys_core.replay import PLANNER_NODE, TWIN_NODE, ReplayOutcome, replay_log
 
 NAME = "replay"
 HELP = "Feed a log's inputs to the same code and compare the outputs; exit code 1 if one differs."
@@ -36,4 +36,4 @@ def run(parsed: argparse.Namespace) -> int:
             ("step", "outcome", "detail"),
             [(each.step, str(each.outcome), each.detail) for each in comparisons],
         )
-    return 1 if any(each.outcome == Outcome.DIFFERENT for each in comparisons) else 0
+    return 1 if any(each.outcome == ReplayOutcome.DIFFERENT for each in comparisons) else 0

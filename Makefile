@@ -13,7 +13,7 @@ ROS := $(or $(ROS_DISTRO),pypi)
 VENV := .venv/.ready-$(ROS)
 WORKSPACE := ros2_ws/install/.ready-$(ROS)
 VENV_SOURCES := pyproject.toml tools/setup_venv.sh tools/relocate_ros_wheels.py $(wildcard requirements/*.txt)
-WORKSPACE_SOURCES := $(shell find ros2_ws/src -type f -not -name '*.pyc') tools/build_workspace.sh
+WORKSPACE_SOURCES := $(shell find ros2_ws/src -type f -not -name '*.pyc') tools/build_workspace.sh colcon.meta
 
 IN_ENV := source tools/ros_env.sh &&
 

@@ -39,7 +39,7 @@ check: setup ## Lint, format and types
 	@.venv/bin/ruff format --check
 	@.venv/bin/mypy
 
-bench: build ## The tables of the README
+bench: build ## Measure everything and renew docs/results.md (hours)
 	@$(IN_ENV) python -m benchmarks.run
 
 dev: build ## A shell with the project and ROS in it; installs the git hook that runs `make check`
@@ -56,7 +56,7 @@ lock: setup ## Renew requirements/*.txt from requirements/*.in and pyproject.tom
 clean: ## Remove everything that these targets made
 	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log *.egg-info .mypy_cache .ruff_cache .pytest_cache
 
-help: ## This list
+help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 $(VENV): $(VENV_SOURCES)

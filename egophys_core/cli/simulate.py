@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Simulate and write."""
     twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
-    problem = place_twin(twin, episode, load=load_of(parsed.load, episode))
+    problem = place_twin(twin, episode, load=load_of(parsed.load, episode.name))
     surface = predict(twin.model, problem)[:, twin.model.graph.surface]
     prediction = replace(
         problem.episode,

@@ -12,7 +12,7 @@ import pytest
 
 from egophys_core import __version__
 from egophys_core.cli.main import SUBCOMMANDS
-from egophys_core.identification import FitOptions, build_twin, coarse
+from egophys_core.identification import FitOptions, build, coarse
 from egophys_core.recording import read_episode
 from egophys_core.twin import encode_twin, load_twin, save_twin
 from tests.cli.conftest import FAST_FIT, FAST_PLAN
@@ -53,7 +53,7 @@ def test_every_option_has_a_description(egophys, name):
 
 def test_built_twin_is_that_of_the_library(twin_file, episode_bag):
     options = FitOptions(generations=2, population=4, frame_stride=6, dense_steps=1)
-    assert twin_file.read_bytes() == encode_twin(build_twin([read_episode(episode_bag)], options, seed=0))
+    assert twin_file.read_bytes() == encode_twin(build([read_episode(episode_bag)], options, seed=0))
 
 
 def test_build_tells_scores_of_twin_and_baselines(egophys_json, episode_bag, tmp_path):

@@ -13,10 +13,10 @@ from benchmarks.beam import rmse
 from benchmarks.cable_world import COILED, MOTIONS, record
 from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
-from egophys_core.diagnosis.diagnose import diagnose_observed
-from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
+from egophys_core.diagnosis.diagnose import diagnose
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.identification.marker_fit import build_marker_twin
+from egophys_core.identification import build
 
 RESULT = Path(__file__).parent / "results/cable.json"
 
@@ -63,10 +63,10 @@ def measure(injected: str) -> dict[str, Any]:
         for index, motion in enumerate(MOTIONS)
     ]
     began = time.perf_counter()
-    twin = build_marker_twin(episodes[:2], None)
+    twin = build(episodes[:2])
     built = time.perf_counter()
     observed = [observe_markers(twin, episode) for episode in episodes]
-    finding = diagnose_observed(twin, observed, DiagnosisOptions(), without=effects_untold(twin.model.kind, observed))
+    finding = diagnose(twin, episodes, DiagnosisOptions())
     diagnosis = finding.diagnosis.as_dict()
     models = {"built": twin.model, "before": finding.before, "after": finding.twin.model}
     return {

@@ -21,7 +21,7 @@ from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.episode import Episode
 from egophys_core.files import write_json
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.rehearsal.injection import INJECTABLE, injected_sizes
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
 from egophys_core.rehearsal.world import rehearse
@@ -135,7 +135,7 @@ def _motions(case: Case) -> list[tuple[Motion, int]]:
 def measure(case: Case) -> dict[str, Any]:
     """One row of the result."""
     episodes = episodes_of(case)
-    twin = build_twin(fitted_and_proofs(episodes)[0], FIT, seed=0)
+    twin = build(fitted_and_proofs(episodes)[0], FIT, seed=0)
     started = time.monotonic()
     left_out = (case.without,) if case.without else ()
     finding = diagnose(twin, episodes, DIAGNOSIS, without=left_out)

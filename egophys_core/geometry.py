@@ -54,6 +54,19 @@ def least_rotation(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.asarray(Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix())
 
 
+def rigid_fit(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation [3, 3] and shift [3] that bring points [P, 3] nearest to others (Kabsch, Acta Cryst. A32 (1976) 922).
+
+    Of all rotations that bring them as near it is the least: none for one point, none about the line of two.
+    """
+    middle, aim = source.mean(axis=0), target.mean(axis=0)
+    if len(source) < 3:
+        turn = least_rotation(source[-1] - source[0], target[-1] - target[0])
+        return turn, aim - turn @ middle
+    turn = nearest_rotation((source - middle).T @ (target - aim)).T
+    return turn, aim - turn @ middle
+
+
 def _aside(direction: np.ndarray) -> np.ndarray:
     """[3] a unit vector across a direction [3]."""
     across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])

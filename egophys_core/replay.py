@@ -12,7 +12,8 @@ import numpy as np
 from rosbags.serde import SerdeError
 
 from egophys_core.errors import EgophysError, RecordingError
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions
+from egophys_core.identification import build as build_twin
 from egophys_core.options import from_mapping
 from egophys_core.planning import (
     PlanOptions,
@@ -163,6 +164,8 @@ def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
         twin = build_twin(
             episodes,
             from_mapping(FitOptions, build["options"]),
+            # Logs of earlier versions say nothing of loads, with which no node could build then.
+            loads=build.get("loads", {}),
             seed=build["seed"],
             parent_id=build["parent_id"],
             progress=lambda stage, share, loss: progress("build", share, loss),

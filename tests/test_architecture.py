@@ -1,6 +1,7 @@
 """The house: rooms depend downhill, light rooms stay light, modules are small and say what they are."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -21,6 +22,7 @@ BASE = {
     "geometry",
     "interpolation",
     "json_numbers",
+    "on_demand",
     "options",
     "episode",
     "waypoint_plan",
@@ -36,8 +38,8 @@ MAY_USE: dict[str, set[str]] = {
     "rehearsal": set(),
     "perception": {"recording"},
     "twin": {"effects"},
-    "simulation": {"twin", "effects"},
-    "kinds": {"twin"},
+    "simulation": {"kinds", "twin", "effects"},
+    "kinds": {"twin", "effects"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
     "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
     "diagnosis": {
@@ -52,7 +54,7 @@ MAY_USE: dict[str, set[str]] = {
     },
     "planning": {"twin", "simulation", "evaluation"},
     "episode_source": {"recording", "perception"},
-    "replay": {"recording", "twin", "identification", "observation", "planning"},
+    "replay": {"recording", "twin", "identification", "planning"},
     "cli": {
         "episode_source",
         "recording",
@@ -138,9 +140,50 @@ def test_importing_a_room_loads_neither_torch_nor_ros(room):
     assert not modules_after_importing(name).intersection(HEAVY)
 
 
+MAY_NAME_KINDS = {
+    "perception/options.py": "what users choose of a video, by the same names; no twin is made of it there",
+    "rehearsal/options.py": "the bodies of a world that knows nothing of twins",
+    "cli/rehearse.py": "the same",
+}
+"""Modules outside of `kinds` that say a kind's name, and why."""
+
+
+def names_of_kinds_in(path: Path) -> list[str]:
+    """Where a module says the name of a kind, other than to say in which kinds an effect is common."""
+    names = {module.stem for module in (PACKAGE / "kinds").glob("*.py") if "KIND = Kind(" in module.read_text()}
+    tree = ast.parse(path.read_text())
+    free = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.keyword) and node.arg == "common_in"
+        for inner in ast.walk(node)
+    }
+    return [
+        f"line {node.lineno}: {node.value!r}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and node.value in names and id(node) not in free
+    ]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_module_outside_of_kinds_names_one(path):
+    """All that differs by kind is asked of the kind: a new one is one file and one line."""
+    where = path.relative_to(PACKAGE).as_posix()
+    if path.parent.name != "kinds" and where not in MAY_NAME_KINDS:
+        assert not names_of_kinds_in(path)
+
+
 @pytest.mark.parametrize("room", ["recording", "twin", "robot", "evaluation", "waypoint_plan"])
 def test_light_rooms_do_not_load_warp(room):
     assert "warp" not in modules_after_importing(f"egophys_core.{room}")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_public_name_of_a_room_is_there(room):
+    module = importlib.import_module(f"egophys_core.{room}")
+    assert all(hasattr(module, name) for name in getattr(module, "__all__", ()))
+    with pytest.raises(AttributeError, match="no_such_name"):
+        module.no_such_name  # noqa: B018
 
 
 def test_errors_of_this_project_have_one_base():

@@ -10,7 +10,7 @@ import pytest
 
 from egophys_core.cli.main import main
 from egophys_core.errors import RecordingError
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.options import to_mapping
 from egophys_core.planning import (
     PlanOptions,
@@ -35,7 +35,7 @@ def loop(tmp_path_factory) -> Loop:
     folder = tmp_path_factory.mktemp("recorded") / "towel"
     write_episode(sheet_episode(), folder)
     episode = read_episode(folder)
-    twin = build_twin([episode], FIT, seed=SEED)
+    twin = build([episode], FIT, seed=SEED)
     target = episode.points[-1]
     plan, _ = plan_to_target(
         lambda plans: twin_costs(twin, plans, target),

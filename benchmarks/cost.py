@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks.planted import FIT
+from benchmarks.injected import FIT
 from benchmarks.yardstick import Yardstick
 from egophys_core.diagnosis.diagnose import diagnose
 from egophys_core.diagnosis.options import DiagnosisOptions

@@ -11,6 +11,7 @@ from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.files import require_writable
 from egophys_core.identification.options import FitOptions
 
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the subcommand."""
     parser.add_argument("episodes", nargs="+", type=Path, metavar="EPISODE", help=".mcap file or rosbag2 folder")

@@ -14,6 +14,7 @@ from egophys_core.diagnosis.options import DiagnosisOptions
 if TYPE_CHECKING:
     from egophys_core.diagnosis.diagnosis import Diagnosis
 
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the subcommand."""
     parser.add_argument("twin", type=Path, metavar="TWIN")

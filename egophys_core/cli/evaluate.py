@@ -10,6 +10,7 @@ from egophys_core.cli.marker_arguments import add_load_argument, load_of
 if TYPE_CHECKING:
     from egophys_core.evaluation import Scores
 
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the subcommand."""
     parser.add_argument("twin", type=Path, metavar="TWIN")

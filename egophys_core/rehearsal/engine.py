@@ -124,7 +124,7 @@ class FlexEngine:
         # MuJoCo answers a state that is not finite by a reset, which turns the clock back.
         if self._data.time <= time:
             raise SimulationError(
-                f"the rehearsed body diverged at t={time:.3f} s; plant a smaller effect, or another object seed"
+                f"the rehearsed body diverged at t={time:.3f} s; inject a smaller effect, or another object seed"
             )
 
 

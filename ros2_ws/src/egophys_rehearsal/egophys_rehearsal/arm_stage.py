@@ -41,7 +41,7 @@ class ArmStage:
             options: the object and how it is seen.
             seed: of noise.
             object_seed: of the object.
-            effects: what is planted.
+            effects: what is injected.
             track: where the tool is; the caller adds to it.
             cloud: [C, 3] metres, points of the tool in its frame, their mean 0.
 

@@ -8,14 +8,8 @@ from pathlib import Path
 from egophys_core.cli.display import print_json, print_scores, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.evaluation import Scores, baseline_scores
 from egophys_core.files import require_writable
-from egophys_core.identification import FitOptions, build
-from egophys_core.observation import observe_episodes
-from egophys_core.twin import save_twin
-
-NAME = "build"
-HELP = "Fit a twin to recorded episodes of one object and write it to a file."
+from egophys_core.identification.options import FitOptions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,8 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
-    # OpenCV takes an eighth of a second to load; the other subcommands do without.
     from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, Source, is_video, load_episodes
+    from egophys_core.evaluation import Scores, baseline_scores
+    from egophys_core.identification import build
+    from egophys_core.observation import observe_episodes
+    from egophys_core.twin import save_twin
 
     options = options_from(parsed, FitOptions)
     require_writable(parsed.out)
@@ -63,13 +60,7 @@ def run(parsed: argparse.Namespace) -> int:
                 report(stage, perceiving + (1 - perceiving) * share, f"loss {1000 * loss:.1f} mm")
 
             observed = observe_episodes(episodes, loads_from(parsed.load, [each.name for each in episodes]))
-            twin = build(
-                observed,
-                options,
-                seed=parsed.seed,
-                progress=show,
-                checkpoint=parsed.checkpoint,
-            )
+            twin = build(observed, options, seed=parsed.seed, progress=show, checkpoint=parsed.checkpoint)
     except KeyboardInterrupt:
         if parsed.checkpoint is None or not parsed.checkpoint.exists():
             raise

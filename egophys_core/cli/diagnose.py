@@ -2,24 +2,17 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.diagnosis.diagnose import diagnose
-from egophys_core.diagnosis.diagnosis import Diagnosis, Outcome
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.diagnosis.saving import EFFECT_TEXTS, require_new_folder, save_finding
-from egophys_core.effects import effect_named
-from egophys_core.recording import read_episode
-from egophys_core.reporting import figures, headline, millimetres
-from egophys_core.twin import load_twin
 
-NAME = "diagnose"
-HELP = "Say what a twin lacks to predict recorded episodes, with the evidence, and write a better twin."
+if TYPE_CHECKING:
+    from egophys_core.diagnosis.diagnosis import Diagnosis
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,6 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Diagnose, save and print."""
+    from egophys_core.diagnosis.diagnose import diagnose
+    from egophys_core.diagnosis.diagnosis import Outcome
+    from egophys_core.diagnosis.saving import require_new_folder, save_finding
+    from egophys_core.effects import effect_named
+    from egophys_core.recording import read_episode
+    from egophys_core.twin import load_twin
+
     options = options_from(parsed, DiagnosisOptions)
     for name in parsed.without:
         effect_named(name)
@@ -86,7 +86,10 @@ def run(parsed: argparse.Namespace) -> int:
     return 0 if diagnosis.outcome == Outcome.NONE else 1
 
 
-def _print_summary(diagnosis: Diagnosis) -> None:
+def _print_summary(diagnosis: "Diagnosis") -> None:
+    from egophys_core.diagnosis.saving import EFFECT_TEXTS
+    from egophys_core.reporting import headline
+
     content = diagnosis.as_dict()
     print(f"{diagnosis.outcome}: {headline(content, EFFECT_TEXTS)}")
     print(f"why: {diagnosis.reason}")
@@ -108,11 +111,15 @@ def _print_summary(diagnosis: Diagnosis) -> None:
 
 
 def _parameter(name: str, estimate: dict[str, Any]) -> tuple[str, ...]:
+    from egophys_core.reporting import figures
+
     low, high = estimate["ci95"]
     return name, figures(estimate["value"]), f"{figures(low)} .. {figures(high)}", estimate["unit"]
 
 
 def _error(error: dict[str, Any]) -> tuple[str, ...]:
+    from egophys_core.reporting import millimetres
+
     names = ("track_before_m", "track_after_m", "last_residual_track_m", "chamfer_before_m", "chamfer_after_m")
     fitted = "fitted" if error["fitted"] else "new"
     return f"{escape(error['episode'])} ({fitted})", *(millimetres(error[name]) for name in names)

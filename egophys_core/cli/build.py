@@ -60,13 +60,7 @@ def run(parsed: argparse.Namespace) -> int:
                 report(stage, perceiving + (1 - perceiving) * share, f"loss {1000 * loss:.1f} mm")
 
             observed = observe_episodes(episodes, loads_from(parsed.load, [each.name for each in episodes]))
-            twin = build(
-                observed,
-                options,
-                seed=parsed.seed,
-                progress=show,
-                checkpoint=parsed.checkpoint,
-            )
+            twin = build(observed, options, seed=parsed.seed, progress=show, checkpoint=parsed.checkpoint)
     except KeyboardInterrupt:
         if parsed.checkpoint is None or not parsed.checkpoint.exists():
             raise

@@ -20,4 +20,4 @@ __all__ = [
     "predict",
 ]
 
-__getattr__ = names_on_demand(__name__, "fit", "surface_fit", "building")
+__getattr__ = names_on_demand(__name__, "building", "fit", "surface_fit")

@@ -1,6 +1,6 @@
 """What is wrong with observed data: one error that says what, where and what next, or a stated handling.
 
-Each case goes through `build_twin`, and as a recorded bag through the command.
+Each case goes through `build`, and as a recorded bag through the command.
 """
 
 import dataclasses

@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from egophys_core.evaluation import two_way_chamfer
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.planning import final_shapes, grasp_from_points, rollout_plans
 from egophys_core.recording import xyz_of_message
 from egophys_core.rehearsal import Motion, RehearsalOptions, rehearse
@@ -49,7 +49,7 @@ DIAGNOSIS = {
 def lab_twin():
     """A twin of the object as it is without the injected effect, from a handling of it."""
     episode = rehearse(RehearsalOptions(**SEEN, duration_s=5.0), Motion.LIFT, seed=1)
-    return build_twin([episode], FitOptions(generations=8, population=8, dense_steps=3, max_nodes=150), seed=0)
+    return build([episode], FitOptions(generations=8, population=8, dense_steps=3, max_nodes=150), seed=0)
 
 
 @pytest.fixture

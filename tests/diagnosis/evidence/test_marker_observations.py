@@ -296,7 +296,7 @@ def test_markers_that_are_never_all_seen_are_refused() -> None:
 
 def test_bad_input_is_refused() -> None:
     episode = still_episode()
-    with pytest.raises(EpisodeError, match="no held points"):
+    with pytest.raises(EpisodeError, match="no controller points, so nothing moves the object"):
         marker_body(
             replace(episode, controllers=episode.controllers[:, :0], controller_ids=episode.controller_ids[:0]), None
         )

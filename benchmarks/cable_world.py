@@ -47,21 +47,21 @@ Hands = Callable[[float], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True)
 class Hanging:
-    """How the hands move: each of their numbers swings about its start, and eases in within half a second."""
+    """How the hands move: each of their coordinates oscillates about its start, and eases in within half a second."""
 
     name: str
     start: np.ndarray
     """[2, 5] metres and rad."""
-    swings: dict[tuple[int, int], tuple[float, float]]
-    """By hand and number: size (m, rad) and frequency (Hz)."""
+    oscillations: dict[tuple[int, int], tuple[float, float]]
+    """By hand and coordinate: size (m, rad) and frequency (Hz)."""
 
     def __call__(self, time: float) -> np.ndarray:
         """[2, 5] places and turns of the hands after so many seconds."""
         eased = min(time / 0.5, 1.0)
         eased = eased * eased * (3.0 - 2.0 * eased)
         hands = self.start.copy()
-        for (hand, number), (size, frequency) in self.swings.items():
-            hands[hand, number] += size * eased * np.sin(2.0 * np.pi * frequency * time)
+        for (hand, coordinate), (size, frequency) in self.oscillations.items():
+            hands[hand, coordinate] += size * eased * np.sin(2.0 * np.pi * frequency * time)
         return hands
 
 
@@ -71,16 +71,16 @@ def _between(width: float) -> np.ndarray:
 
 
 MOTIONS = (
-    Hanging(name="up_and_down", start=_between(0.7), swings={(1, 2): (0.12, 0.8)}),
+    Hanging(name="up_and_down", start=_between(0.7), oscillations={(1, 2): (0.12, 0.8)}),
     Hanging(
         name="aside",
         start=_between(0.7),
-        swings={(0, 1): (0.08, 1.1), (1, 0): (-0.12, 0.6), (0, 3): (0.3, 0.6), (1, 4): (0.3, 0.6)},
+        oscillations={(0, 1): (0.08, 1.1), (1, 0): (-0.12, 0.6), (0, 3): (0.3, 0.6), (1, 4): (0.3, 0.6)},
     ),
     Hanging(
         name="all_ways",
         start=_between(0.6),
-        swings={
+        oscillations={
             (0, 0): (0.05, 1.3),
             (0, 2): (0.08, 0.5),
             (1, 1): (0.1, 1.3),

@@ -43,7 +43,7 @@ Progress = Callable[[str, float, float], None]
 """Called with step, share of it done (0..1) and best value so far (metres)."""
 
 
-class Outcome(StrEnum):
+class ReplayOutcome(StrEnum):
     """What a replayed step showed."""
 
     SAME = "same"
@@ -56,7 +56,7 @@ class Comparison:
     """One step of the log done again."""
 
     step: str
-    outcome: Outcome
+    outcome: ReplayOutcome
     detail: str
 
 
@@ -231,11 +231,11 @@ def _compare(step: str, work: Callable[[], tuple[bool, str]]) -> Comparison:
         same, detail = work()
     except EgophysError as error:
         same, detail = False, f"the replay failed: {error}"
-    return Comparison(step=step, outcome=Outcome.SAME if same else Outcome.DIFFERENT, detail=detail)
+    return Comparison(step=step, outcome=ReplayOutcome.SAME if same else ReplayOutcome.DIFFERENT, detail=detail)
 
 
 def _not_recorded(step: str, detail: str) -> Comparison:
-    return Comparison(step=step, outcome=Outcome.NOT_RECORDED, detail=detail)
+    return Comparison(step=step, outcome=ReplayOutcome.NOT_RECORDED, detail=detail)
 
 
 def _difference_of_plans(recorded: WaypointPlan, replayed: WaypointPlan) -> tuple[bool, str]:

@@ -14,7 +14,19 @@ PACKAGE = Path(egophys_core.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 
-BASE = {"cores", "errors", "files", "geometry", "json_numbers", "on_demand", "options", "episode", "waypoint_plan"}
+BASE = {
+    "constants",
+    "cores",
+    "errors",
+    "files",
+    "geometry",
+    "interpolation",
+    "json_numbers",
+    "on_demand",
+    "options",
+    "episode",
+    "waypoint_plan",
+}
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {

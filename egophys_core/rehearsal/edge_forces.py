@@ -136,12 +136,11 @@ def viscoelasticity(values: Mapping[str, float], edges: Edges) -> Law:
     """A spring and a dashpot in series, integrated exactly over a step of constant strain rate (Maxwell)."""
     ratio = values["ratio"] / edges.mean_cosine(4)
     tension = np.zeros(len(edges.lengths))
-    last: np.ndarray | None = None
+    changes = _changes()
 
     def law(strains: np.ndarray, duration: float) -> np.ndarray:
-        nonlocal tension, last
-        change = strains - last if last is not None else np.zeros_like(strains)
-        last = strains
+        nonlocal tension
+        change = changes(strains)
         decay = np.exp(-duration / values["time"])
         tension = decay * tension + ratio * change * (1.0 - decay) * values["time"] / duration
         return tension
@@ -153,16 +152,27 @@ def hysteresis(values: Mapping[str, float], edges: Edges) -> Law:
     """Bouc-Wen with n = 1 and beta = gamma = 1/2 (Wen 1976): |z| stays within 1."""
     strength = values["strength"] / edges.mean_cosine(4)
     z = np.zeros(len(edges.lengths))
-    last: np.ndarray | None = None
+    changes = _changes()
 
     def law(strains: np.ndarray, duration: float) -> np.ndarray:
-        nonlocal z, last
-        change = strains - last if last is not None else np.zeros_like(strains)
-        last = strains
+        nonlocal z
+        change = changes(strains)
         z = np.clip(z + (1.0 - np.abs(z) * 0.5 * (np.sign(z * change) + 1.0)) * change / values["strain"], -1.0, 1.0)
         return strength * values["strain"] * z
 
     return law
+
+
+def _changes() -> Callable[[np.ndarray], np.ndarray]:
+    """What tells how strains [E] have changed since it was last asked; not at all at first."""
+    last: np.ndarray | None = None
+
+    def change(strains: np.ndarray) -> np.ndarray:
+        nonlocal last
+        before, last = strains if last is None else last, strains
+        return strains - before
+
+    return change
 
 
 def plasticity(values: Mapping[str, float], edges: Edges, rest_lengths: np.ndarray) -> ForceTerm:

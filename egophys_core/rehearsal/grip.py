@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from egophys_core.rehearsal.engine import GRAVITY, HAND_RADIUS
+from egophys_core.constants import GRAVITY
+from egophys_core.rehearsal.engine import HAND_RADIUS
 
 FREQUENCY = 400.0
 """rad/s of a held vertex on its tie; far above the motion of the body and within what the step can follow."""
 
-REACH = HAND_RADIUS
+GRIP_RADIUS = HAND_RADIUS
 """Metres from a hand's centre within which a vertex is held."""
 
 FEWEST_HELD = 4
@@ -24,8 +25,8 @@ class Grip:
         """Hold the vertices at `positions` [V, 3] that are in reach of `hands` [H, 3]; one too far away holds none."""
         distances = np.linalg.norm(positions[:, None] - hands, axis=2)
         order = np.sort(distances, axis=0)[FEWEST_HELD - 1]
-        reach = np.where(order < 2.0 * REACH, np.maximum(order, REACH), 0.0)
-        held = (distances <= reach) & (distances == distances.min(axis=1, keepdims=True))
+        radius = np.where(order < 2.0 * GRIP_RADIUS, np.maximum(order, GRIP_RADIUS), 0.0)
+        held = (distances <= radius) & (distances == distances.min(axis=1, keepdims=True))
         self.vertices, self._hand = np.nonzero(held)
         """[A] what is held, and by which hand."""
         self._offsets = positions[self.vertices] - hands[self._hand]

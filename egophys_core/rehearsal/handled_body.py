@@ -5,8 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from egophys_core.constants import GRAVITY
 from egophys_core.rehearsal.bodies import SoftBody
-from egophys_core.rehearsal.engine import AIR_DAMPING, GRAVITY, SETTLING_DAMPING, FlexEngine
+from egophys_core.rehearsal.engine import AIR_DAMPING, SETTLING_DAMPING, FlexEngine
 from egophys_core.rehearsal.grip import Grip
 from egophys_core.rehearsal.hands import HandsAt
 from egophys_core.rehearsal.injected_forces import FRICTIONS, MATERIAL, injected_terms

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from egophys_core.errors import SimulationError
+from egophys_core.interpolation import values_at
 from egophys_core.rehearsal.bodies import make_body
 from egophys_core.rehearsal.handled_body import HandledBody
 from egophys_core.rehearsal.injection import complete_effects
@@ -94,4 +95,4 @@ class RehearsalWorld:
 
     def _centre_at(self, time: float) -> np.ndarray:
         """[1, 3] metres, the recorded tool at a time."""
-        return np.array([[np.interp(time, self._times, axis) for axis in np.transpose(self._centres)]])
+        return values_at(self._times, self._centres, time)[None]

@@ -26,7 +26,7 @@ from egophys_core.rehearsal.engine import load_mujoco
 from egophys_core.rehearsal.hands import hand_cloud
 from egophys_core.rehearsal.observation import CONFIDENCE
 from egophys_rehearsal.arm_stage import ArmStage
-from egophys_rehearsal.frame import Frame, Stage
+from egophys_rehearsal.frame import RehearsalFrame, Stage
 from egophys_rehearsal.injection import injected_effects
 from egophys_rehearsal.script_stage import ScriptStage
 from egophys_rehearsal.tool_track import ToolTrack
@@ -171,7 +171,7 @@ class RehearsalNode(ManagedNode):
         finally:
             self._is_busy = False
 
-    def _publish(self, frame: Frame) -> None:
+    def _publish(self, frame: RehearsalFrame) -> None:
         stamp = time_message(frame.stamp_ns)
         seen = np.isfinite(frame.points).all(axis=1)
         confidence = np.full(np.count_nonzero(seen), CONFIDENCE, np.float32)

@@ -67,7 +67,7 @@ def measure(
     observations: Sequence[Observation],
     proofs: Sequence[Observation],
     *,
-    is_sheet: bool,
+    lies_flat: bool,
     without: Collection[str],
     resamples: int,
     seed: int,
@@ -77,7 +77,7 @@ def measure(
     Args:
         observations: what is fitted.
         proofs: episodes that are not, which must bear an effect out.
-        is_sheet: whether the object lies flat when it lies.
+        lies_flat: whether the object lies flat when it lies.
         without: names of effects that are left out.
         resamples: for intervals.
         seed: of resamples and shams.
@@ -86,7 +86,7 @@ def measure(
         return []
     if observations[0].free:
         return [] if "viscoelasticity" in without else _relaxation(observations, proofs, seed)
-    tilted = _tilt(observations, proofs, seed) if is_sheet and "tracking_rotation" not in without else None
+    tilted = _tilt(observations, proofs, seed) if lies_flat and "tracking_rotation" not in without else None
     told = _grips(observations, proofs, [name for name in TOLD if name not in without], resamples, seed)
     found = [*([tilted] if tilted else []), *told]
     return sorted(found, key=lambda each: (not each.shows, -each.fitted_gain))

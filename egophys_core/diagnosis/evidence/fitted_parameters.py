@@ -7,19 +7,11 @@ from typing import Any
 import numpy as np
 
 from egophys_core.effects import Effect, Parameter, TwinEffect, effect_named
-from egophys_core.simulation import longest_retardation
-from egophys_core.twin import ObjectKind, ObjectModel, SpringKind
-from egophys_core.twin.parameters import GRAVITY, NATURAL_BEND
-
-STIFFEST = 1e6
-"""1/s^2, largest spring stiffness over node mass: a held toy may not sag where the real one does not."""
-
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel, SpringKind
 
 SHORTEST = 0.2
 """Of its length as seen: the rest length that a spring has at least, however soft."""
-
-BEND_STEP = 0.2
-"""Rad by which a rod turns from one end to the other by nature: a step."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,52 +48,11 @@ def turned(model: ObjectModel, knobs: Sequence[Knob], positions: np.ndarray) -> 
     return model
 
 
-def base_knobs(model: ObjectModel, *, clamped: bool) -> tuple[Knob, ...]:
-    """The numbers every twin of this kind has, which are fitted with and without an effect.
-
-    Args:
-        clamped: whether the object is held in a clamp, not by a hand: then how much it sags tells how stiff it is.
-    """
-    if model.kind == ObjectKind.ROD:
-        return _rod_knobs(model)
-    node_mass = model.parameters.total_mass / len(model.graph.positions)
-    top_damping = 5.0 if model.kind == ObjectKind.SHEET else 30.0
-    # A template of a stiff material is built beyond these bounds; they then move with it.
-    room = max(1.0, 3.0 * model.parameters.stiffness / (STIFFEST * node_mass))
-    knobs = [
-        _springs_knob("stiffness", SpringKind.STRUCTURAL, 1e2 * node_mass, room * STIFFEST * node_mass),
-        _number("damping", 0.01 * node_mass, room * top_damping * node_mass, step=0.5, unit="N s/m", logarithmic=True),
-        _number("friction", 0.0, 2.0, step=0.05),
-        _number(
-            "controller_stiffness", 1e2 * node_mass, room * STIFFEST * node_mass, step=0.5, unit="N/m", logarithmic=True
-        ),
-    ]
-    if model.kind == ObjectKind.SHEET:
-        bending = _springs_knob("bending stiffness", SpringKind.BENDING, 1.0 * node_mass, 1e5 * node_mass)
-        return (*knobs, bending, _number("compression_ratio", 0.05, 1.0, step=0.3, logarithmic=True))
-    knobs.append(_number("drag", 0.0, 20.0, step=0.2, unit="1/s"))
-    if not clamped:
-        # A grip that is soft enough to turn in is too soft to carry: all toys sag too much in their twins. What a toy
-        # weighs, how stiff it is and how firmly it is held are one thing there: its sag is evidence for nothing.
-        knobs.append(_number("gravity", 0.5 * GRAVITY, 1.2 * GRAVITY, step=0.5, unit="m/s^2"))
-    return tuple(knobs)
-
-
-def _rod_knobs(model: ObjectModel) -> tuple[Knob, ...]:
-    """How a rod resists bending, how it is damped and how it is bent by nature; it hardly stretches, and its clamps do
-    not give way."""
-    length = float(model.graph.rest_lengths.sum())
-    # A rod of these rigidities bends under its own weight within 1 % of its length, and within all of it.
-    low, high = (model.parameters.total_mass * GRAVITY * share**3 * length**2 for share in (0.01, 1.0))
-    longest = longest_retardation(model.parameters.flexural_rigidity, model.graph.rest_lengths, model.node_masses)
-    return (
-        _number("flexural_rigidity", low, high, step=0.1, unit="N m^2", logarithmic=True),
-        _number("retardation_time", min(1e-5, longest / 2.0), longest, step=0.5, unit="s", logarithmic=True),
-        _number("drag", 0.0, 20.0, step=0.2, unit="1/s"),
-        *(
-            _number(name, -2.0 * np.pi / length, 2.0 * np.pi / length, step=BEND_STEP / length, unit="1/m")
-            for name in NATURAL_BEND
-        ),
+def base_knobs(model: ObjectModel) -> tuple[Knob, ...]:
+    """The numbers every twin of this kind has, which are fitted with and without an effect."""
+    return tuple(
+        _number(each.parameter) if each.springs is None else _springs_knob(each.parameter, each.springs)
+        for each in kind_of(model).fitted(model)
     )
 
 
@@ -157,19 +108,21 @@ def _effect_knob(name: str, parameter: Parameter) -> Knob:
     return Knob(parameter=parameter, read=lambda model: effect_values(model, name)[parameter.name], turn=turn)
 
 
-def _number(name: str, low: float, high: float, *, step: float, unit: str = "1", logarithmic: bool = False) -> Knob:
+def _number(parameter: Parameter) -> Knob:
+    """One of the physical parameters."""
+
     def turn(model: ObjectModel, value: float) -> ObjectModel:
-        changed: dict[str, Any] = {name: value}
+        changed: dict[str, Any] = {parameter.name: value}
         return replace(model, parameters=replace(model.parameters, **changed))
 
     return Knob(
-        parameter=Parameter(name=name, unit=unit, low=low, high=high, step=step, logarithmic=logarithmic),
-        read=lambda model: float(max(getattr(model.parameters, name), low)),
+        parameter=parameter,
+        read=lambda model: float(max(getattr(model.parameters, parameter.name), parameter.low)),
         turn=turn,
     )
 
 
-def _springs_knob(name: str, kind: SpringKind, low: float, high: float) -> Knob:
+def _springs_knob(parameter: Parameter, kind: SpringKind) -> Knob:
     """The median stiffness of one kind of springs; turning it scales them all, and they carry what they carried."""
 
     def read(model: ObjectModel) -> float:
@@ -187,8 +140,4 @@ def _springs_knob(name: str, kind: SpringKind, low: float, high: float) -> Knob:
             stiffness=(model.stiffness * scale).astype(np.float32),
         )
 
-    return Knob(
-        parameter=Parameter(name=name, unit="N/m", low=low, high=high, step=0.3, logarithmic=True),
-        read=read,
-        turn=turn,
-    )
+    return Knob(parameter=parameter, read=read, turn=turn)

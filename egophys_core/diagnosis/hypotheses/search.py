@@ -14,7 +14,9 @@ from egophys_core.diagnosis.hypotheses.ranking import Probe, Ranked, Ranking, pr
 from egophys_core.diagnosis.hypotheses.rod_starts import RodStart, rod_starts
 from egophys_core.diagnosis.problem import Inquiry, Progress
 from egophys_core.diagnosis.verdict.decide import FLOOR_M, LARGEST_P, LEAST_GAIN, Verdict, decide, explaining
-from egophys_core.twin import ObjectKind, ObjectModel
+from egophys_core.effects import LIBRARY
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel
 
 WORTH_REFITTING = LEAST_GAIN / 6.0
 """Held-out gain of the linear problem below which a refit has never found what was asked for."""
@@ -24,13 +26,6 @@ FINER = 0.7
 
 OUT_OF_STEP_M = FLOOR_M
 """Metres: scale of residuals from which a cable may swing out of step with its twin; then slopes there say nothing."""
-
-ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",), ObjectKind.ROD: ()}
-"""Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
-
-ALWAYS_IN_A_CLAMP = ("viscoelasticity",)
-"""As well: a solid that swings in a clamp makes up with stiffness and damping for what relaxes, and slopes there see
-nothing of it (a silicone beam: it was not among the first five, and came second when it was refitted)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +112,7 @@ def _survey(inquiry: Inquiry, fitted: Fitted, without: Collection[str], progress
         inquiry.observations, fitted.model, nearby.ranked, progress=lambda share: progress(0.6 + 0.2 * share)
     )
     on_rods = {}
-    if fitted.model.kind == ObjectKind.ROD and fitted.scale > OUT_OF_STEP_M:
+    if kind_of(fitted.model).is_line and fitted.scale > OUT_OF_STEP_M:
         on_rods = rod_starts(
             inquiry.observations,
             fitted.model,
@@ -144,9 +139,9 @@ def _judged(
     """
     options = inquiry.options
     ranking, worth = survey.ranking(before.scale, shams=options.shams, seed=inquiry.seed)
-    kind = before.model.kind
     free = inquiry.observations[0].free
-    always = ALWAYS_IN_A_CLAMP if free and kind == ObjectKind.SOLID else ALWAYS[kind]
+    kind = kind_of(before.model).name
+    always = [effect.name for effect in LIBRARY.values() if kind in effect.traits.common_in]
     chosen = {*(each.name for each in worth[: options.shortlist]), *always, *earlier}
     ended = contest(
         inquiry,

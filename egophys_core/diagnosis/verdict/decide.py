@@ -13,7 +13,7 @@ from egophys_core.diagnosis.diagnosis import Outcome
 from egophys_core.diagnosis.evidence.judging import Judged, interval_of_sum
 from egophys_core.effects import effect_named
 from egophys_core.effects.uneven_mass import lies_beside
-from egophys_core.twin import ObjectKind
+from egophys_core.kinds import kind_of
 
 LEAST_GAIN = 50.0
 """Gain in log-likelihood that an effect must reach to be named if it stands alone."""
@@ -280,7 +280,7 @@ def sags(judged: Judged) -> bool:
     How firmly it is gripped, how stiff it is and how much it weighs are one thing there: every recorded and rehearsed
     toy asks for an upward force of 1.6 to 2.9 m/s^2, also those that lack nothing (docs/notes/discrepancy.md).
     """
-    if judged.name not in ("gravity_scale", "constant_body_force") or judged.fitted.model.kind != ObjectKind.SOLID:
+    if judged.name not in ("gravity_scale", "constant_body_force") or kind_of(judged.fitted.model).sag_is_evidence:
         return False
     force = judged.values
     return judged.name == "gravity_scale" or abs(force["z"]) > np.hypot(force["x"], force["y"])

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.accuracy import DATA
 from egophys_core.diagnosis.diagnose import diagnose_observed
-from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.evidence.residuals import Observation, track_offsets
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.identification.marker_fit import build_marker_twin
@@ -40,7 +40,7 @@ def run() -> dict[str, Any]:
     observed = {name: observe_markers(twin, episode, load=LOADS[name]) for name, episode in episodes.items()}
     train = [each for name, each in observed.items() if name != HELD_OUT]
     finding = diagnose_observed(
-        twin, train, OPTIONS, report_on=[observed[HELD_OUT]], without=effects_untold(twin.model.kind, train)
+        twin, train, OPTIONS, report_on=[observed[HELD_OUT]], without=unidentifiable_effects(twin.model.kind, train)
     )
     diagnosis = finding.diagnosis.as_dict()
     models = {

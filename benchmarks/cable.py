@@ -12,7 +12,7 @@ from benchmarks.cable_world import COILED, MOTIONS, record
 from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
 from egophys_core.diagnosis.diagnose import diagnose_observed
-from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.identification.marker_fit import build_marker_twin
 
@@ -57,7 +57,9 @@ def measure(planted: str) -> dict[str, Any]:
     twin = build_marker_twin(episodes[:2], None)
     built = time.perf_counter()
     observed = [observe_markers(twin, episode) for episode in episodes]
-    finding = diagnose_observed(twin, observed, DiagnosisOptions(), without=effects_untold(twin.model.kind, observed))
+    finding = diagnose_observed(
+        twin, observed, DiagnosisOptions(), without=unidentifiable_effects(twin.model.kind, observed)
+    )
     diagnosis = finding.diagnosis.as_dict()
     models = {"built": twin.model, "before": finding.before, "after": finding.twin.model}
     return {

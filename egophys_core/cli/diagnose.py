@@ -12,7 +12,7 @@ from egophys_core.cli.marker_arguments import add_load_argument, loads_from, ref
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.diagnosis.diagnose import Finding, diagnose, diagnose_observed
 from egophys_core.diagnosis.diagnosis import Diagnosis, Outcome
-from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import Progress
 from egophys_core.diagnosis.saving import EFFECT_TEXTS, require_new_folder, save_finding
@@ -20,7 +20,7 @@ from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.observation.markers import is_sparse
 from egophys_core.recording import read_episode
-from egophys_core.reporting import figures, headline, millimetres
+from egophys_core.reporting import decision_in_words, figures, headline, millimetres, miss_in_words
 from egophys_core.twin import Twin, load_twin
 
 NAME = "diagnose"
@@ -102,7 +102,7 @@ def _diagnose_markers(
     fitted, reported = (
         [observe_markers(twin, each, load=loads.get(each.name, 0.0)) for each in group] for group in (episodes, others)
     )
-    untold = effects_untold(twin.model.kind, fitted)
+    untold = unidentifiable_effects(twin.model.kind, fitted)
     return diagnose_observed(
         twin,
         fitted,
@@ -118,6 +118,7 @@ def _print_summary(diagnosis: Diagnosis) -> None:
     content = diagnosis.as_dict()
     print(f"{diagnosis.outcome}: {headline(content, EFFECT_TEXTS)}")
     print(f"why: {diagnosis.reason}")
+    _print_decision(content["decisions"][-1])
     if diagnosis.experiment:
         print(f"next: {diagnosis.experiment}")
     for effect in content["effects"]:
@@ -133,6 +134,13 @@ def _print_summary(diagnosis: Diagnosis) -> None:
         ("episode", "TE before", "TE after", "held", "CD before", "CD after"),
         [_error(each) for each in content["error"]],
     )
+
+
+def _print_decision(decision: dict[str, Any]) -> None:
+    """Which criterion made the outcome of the last search, and, where it named nothing, what came nearest."""
+    print(f"decided: {decision_in_words(decision)}")
+    for each in decision["nearest_misses"]:
+        print(f"  nearest miss: {miss_in_words(each)}")
 
 
 def _parameter(name: str, estimate: dict[str, Any]) -> tuple[str, ...]:

@@ -145,6 +145,7 @@ def diagnose_observed(
             for each in found.named
         ),
         candidates=_candidates(first, measured),
+        decisions=found.decisions,
         experiment=found.experiment,
         where=where(observations, offsets, first.law.formula),
         error=tuple(
@@ -225,6 +226,7 @@ def _candidates(first: Search, measured: Sequence[Measured]) -> tuple[Candidate,
             fitted_gain=each.fitted_gain,
             proof_gain=each.proof_gain,
             values=each.values,
+            criteria=each.criteria,
         )
         for each in measured
     ]
@@ -242,6 +244,7 @@ def _candidates(first: Search, measured: Sequence[Measured]) -> tuple[Candidate,
                 if isinstance(each, Judged) and len(each.proof_gains)
                 else None,
                 values=each.values,
+                criteria=first.criteria[name],
             )
         )
     return tuple(sorted(found, key=lambda each: -each.held_out_gain))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from egophys_core.diagnosis.criterion import CriterionResult
 from egophys_core.files import write_atomically
 from egophys_core.json_numbers import nulled
 
@@ -61,6 +62,35 @@ class Candidate:
     not refitted."""
     values: dict[str, float]
     """The fitted parameters, SI units."""
+    criteria: tuple[CriterionResult, ...]
+    """What it was held against, in that order: all criteria of the verdict if it was refitted, those of the measurement
+    if it was measured, else what kept it from a refit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NearestMiss:
+    """A candidate that fails few criteria."""
+
+    candidate: str
+    failed: tuple[CriterionResult, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """Which rule made the outcome of a search, and by which criterion."""
+
+    rule: str
+    """Its name."""
+    sentence: str
+    """When it applies, and what it makes of that."""
+    candidate: str | None
+    """Whose criterion decided; None where it is of no candidate."""
+    criterion: CriterionResult
+    """What decided, with its numbers."""
+    beside: tuple[str, ...]
+    """The effects that were known when it was made."""
+    nearest_misses: tuple[NearestMiss, ...]
+    """Where nothing is named: those that came nearest, the nearest first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,6 +148,8 @@ class Diagnosis:
     effects: tuple[NamedEffect, ...]
     candidates: tuple[Candidate, ...]
     """By falling held-out gain."""
+    decisions: tuple[Decision, ...]
+    """Of each search, in order: the first beside what was measured directly, a second one beside what that named."""
     experiment: str | None
     where: Where
     error: tuple[EpisodeError, ...]

@@ -1,10 +1,11 @@
 """An inquiry: what stays the same over the searches of a diagnosis."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from egophys_core.diagnosis.evidence.residuals import Observation
 from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.verdict.thresholds import Thresholds
 
 Progress = Callable[[str, float], None]
 """Called with stage and share of the whole done (0..1); may raise to stop."""
@@ -20,3 +21,4 @@ class Inquiry:
     """Episodes that are not."""
     options: DiagnosisOptions
     seed: int
+    thresholds: Thresholds = field(default_factory=Thresholds)

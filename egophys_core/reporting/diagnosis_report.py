@@ -20,6 +20,7 @@ from egophys_core.reporting.error_figure import draw_errors
 from egophys_core.reporting.evidence_sections import evidence_for_each, where_it_lives
 from egophys_core.reporting.html_page import Markup, element, page, picture, table
 from egophys_core.reporting.marks import AFTER, BEFORE, interval
+from egophys_core.reporting.why_section import why_this_outcome
 
 TAGS = {
     "none": ("no effect", "#1b7f4b"),
@@ -58,6 +59,7 @@ def diagnosis_html(
         f"Diagnosis of twin {content['twin_id']}",
         *_beginning(content, texts),
         *_effects(content["effects"], content["outcome"], texts),
+        *why_this_outcome(content),
         *_errors(content["error"], times, before, after),
         *evidence_for_each(content, mismatch_gain),
         *where_it_lives(content["where"], rest, field),

@@ -1,6 +1,6 @@
 """What grips say of the record of the hands: it is early, too small or too large, or the object slips through them.
 
-The tracks in a hand miss its recorded way by what these effects make of it, and by little else: the mechanics of the
+The tracks in a hand leave its recorded path by what these effects make of it, and by little else: the mechanics of the
 object cancels. Their numbers are fitted to all grips together.
 """
 
@@ -10,12 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from egophys_core.diagnosis.direct.grips import GripRecord, follows, held, missed
+from egophys_core.diagnosis.direct.grips import GripRecord, held, held_displacements, residual_of
 from egophys_core.diagnosis.direct.surrogates import shifted_p
-from egophys_core.effects import effect_named
-
-TOLD = ("control_delay", "tracking_scale", "grasp_slip")
-"""The effects that grips tell."""
+from egophys_core.effects import Parameter, effect_named
 
 FLOOR = 1e-3
 """Metres by which held tracks miss their hand anyway: skin and cloth give."""
@@ -24,7 +21,7 @@ CORRELATED_S = 0.5
 """Seconds over which tracks miss their hand alike."""
 
 ONSETS = 6
-"""Times at which the search for a slip starts."""
+"""Times at which the search for an effect starts that begins at some time."""
 
 STEPS, CHOICES = 15, 4
 """Of Levenberg-Marquardt while the same tracks are held, and times that these are chosen anew."""
@@ -41,38 +38,39 @@ class GripFit:
     """Grips with the numbers of some effects."""
 
     numbers: Numbers
-    misses: np.ndarray
-    """[G] mean square by which the held tracks miss each hand, m^2 per axis."""
+    squares: np.ndarray
+    """[G] mean square of the held tracks' residual in each grip, m^2 per axis."""
     tracks: list[np.ndarray]
     """The tracks held in each grip."""
 
 
 def explained(grips: Sequence[GripRecord], numbers: Numbers) -> GripFit:
     """How well given numbers explain grips."""
-    tracks, misses = zip(*(held(grip, missed(grip, _way(grip, numbers))) for grip in grips), strict=True)
-    return GripFit(numbers=numbers, misses=np.array(misses), tracks=list(tracks))
+    found = [held(grip, _residual(grip, numbers)) for grip in grips]
+    return GripFit(numbers=numbers, squares=np.array([each for _, each in found]), tracks=[each for each, _ in found])
 
 
 def fit_grips(grips: Sequence[GripRecord], names: Sequence[str]) -> GripFit:
     """The numbers of some effects that explain grips best."""
     begins, ends = min(grip.times[0] for grip in grips), max(grip.times[-1] for grip in grips)
-    onsets = np.linspace(begins, ends, ONSETS if "grasp_slip" in names else 1, endpoint=False)
+    begin_at_some_time = any(_is_time(each) for name in names for each in effect_named(name).parameters)
+    onsets = np.linspace(begins, ends, ONSETS if begin_at_some_time else 1, endpoint=False)
     fits = [_descend(grips, names, float(onset)) for onset in onsets]
-    return min(fits, key=lambda fit: float(_counts(grips) @ np.log(fit.misses + FLOOR**2)))
+    return min(fits, key=lambda fit: float(_counts(grips) @ np.log(fit.squares + FLOOR**2)))
 
 
 def gains(grips: Sequence[GripRecord], before: GripFit, after: GripFit) -> np.ndarray:
     """[G] gain in log-likelihood in each grip."""
-    return _counts(grips) / 2.0 * np.log((before.misses + FLOOR**2) / (after.misses + FLOOR**2))
+    return _counts(grips) / 2.0 * np.log((before.squares + FLOOR**2) / (after.squares + FLOOR**2))
 
 
 def p_null(grips: Sequence[GripRecord], before: GripFit, after: GripFit, *, seed: int) -> float:
     """Share of shams that gain as much: what the effect changes in the held tracks, shifted in time, in any size."""
     errors, changes = [], []
     for grip, tracks in zip(grips, after.tracks, strict=True):
-        error = missed(grip, _way(grip, before.numbers))[:, tracks]
+        error = _residual(grip, before.numbers)[:, tracks]
         errors.append(error)
-        changes.append(error - missed(grip, _way(grip, after.numbers))[:, tracks])
+        changes.append(error - _residual(grip, after.numbers)[:, tracks])
     return shifted_p(errors, changes, _counts(grips), [grip.seconds for grip in grips], floor=FLOOR, seed=seed)
 
 
@@ -121,7 +119,7 @@ class _Places:
         self.steps = np.array([each.step for _, each in self.parameters])
         # A time is one at which something is held.
         begins, ends = min(grip.times[0] for grip in grips), max(grip.times[-1] for grip in grips)
-        bounds = [(begins, ends) if each.null is None else (each.low, each.high) for _, each in self.parameters]
+        bounds = [(begins, ends) if _is_time(each) else (each.low, each.high) for _, each in self.parameters]
         self.low, self.high = np.array(bounds).T / self.steps
 
     def numbers(self, place: np.ndarray) -> dict[str, dict[str, float]]:
@@ -134,12 +132,12 @@ class _Places:
         return np.array([numbers[name][each.name] for name, each in self.parameters]) / self.steps
 
     def start(self, onset: float) -> np.ndarray:
-        null = np.array([onset if each.null is None else each.null for _, each in self.parameters])
+        null = np.array([each.null if each.null is not None else onset for _, each in self.parameters])
         return np.clip(null / self.steps + NUDGE, self.low, self.high)
 
 
 def _descend(grips: Sequence[GripRecord], names: Sequence[str], onset: float) -> GripFit:
-    """Down to the nearest optimum from a slip at an onset; which tracks are held is chosen anew on the way."""
+    """Down to the nearest optimum from an onset; which tracks are held is chosen anew on the way."""
     places = _Places(names, grips)
     place = places.start(onset)
     for _ in range(CHOICES):
@@ -153,10 +151,10 @@ def _descend(grips: Sequence[GripRecord], names: Sequence[str], onset: float) ->
 
 
 def _unexplained(grips: Sequence[GripRecord], chosen: GripFit, numbers: Numbers) -> list[np.ndarray]:
-    """Per grip [F, HELD_TRACKS, 3]: by how much chosen tracks miss the hand; squares are to sum up to `_counts`."""
+    """Per grip [F, HELD_TRACKS, 3]: residuals of chosen tracks; their squares are to sum up to `_counts`."""
     found = []
-    for grip, tracks, square, count in zip(grips, chosen.tracks, chosen.misses, _counts(grips), strict=True):
-        error = missed(grip, _way(grip, numbers))[:, tracks]
+    for grip, tracks, square, count in zip(grips, chosen.tracks, chosen.squares, _counts(grips), strict=True):
+        error = _residual(grip, numbers)[:, tracks]
         found.append(np.sqrt(count / error.size / (square + FLOOR**2)) * error)
     return found
 
@@ -166,13 +164,11 @@ def _counts(grips: Sequence[GripRecord]) -> np.ndarray:
     return np.array([3.0 * grip.seconds / CORRELATED_S for grip in grips])
 
 
-def _way(grip: GripRecord, numbers: Numbers) -> np.ndarray:
-    """[F, P, 3] metres: how held tracks go with these effects."""
-    slip = numbers.get("grasp_slip", {"x": 0.0, "y": 0.0, "z": 0.0, "onset": 0.0})
-    return follows(
-        grip,
-        delay=numbers.get("control_delay", {"delay": 0.0})["delay"],
-        scale=numbers.get("tracking_scale", {"scale": 1.0})["scale"],
-        slip=np.array([slip["x"], slip["y"], slip["z"]]),
-        onset=slip["onset"],
-    )
+def _residual(grip: GripRecord, numbers: Numbers) -> np.ndarray:
+    """[F, P, 3] metres: what the tracks leave of how held ones go with these effects."""
+    return residual_of(grip, held_displacements(grip, numbers))
+
+
+def _is_time(parameter: Parameter) -> bool:
+    """Whether a parameter says from when on an effect acts."""
+    return parameter.null is None and parameter.unit == "s"

@@ -11,6 +11,8 @@ from scipy.sparse import csr_matrix
 
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, smoothed
 from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, Observation
+from egophys_core.effects import LIBRARY
+from egophys_core.effects.traits import Need
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.observation import FitProblem
@@ -24,31 +26,6 @@ FREE = 0.0
 SWING_BLOCK_S = 0.04
 """Seconds of a block of what swings in a still clamp: a quarter of a swing of 6 Hz. What hands move swings as slowly as
 they do, and what is off in one short block is off in the next: a cable that lacks nothing had a structure of 139."""
-
-NOT_TOLD_BY_A_STILL_CLAMP = (
-    "tracking_offset",
-    "tracking_rotation",
-    "tracking_scale",
-    "gripper_offset",
-    "control_delay",
-    "grasp_slip",
-)
-"""Effects on how held points move or where they are: of a clamp that stands still they are how it was mounted."""
-
-OF_A_TABLE = ("table_adhesion", "place_dependent_friction", "stribeck_friction")
-"""Effects of a table, which records of markers do not tell."""
-
-OF_SPRINGS = (
-    "strain_stiffening",
-    "tension_compression_asymmetry",
-    "anisotropy",
-    "bending_damping",
-    "viscoelasticity",
-    "plasticity",
-    "hysteresis",
-)
-"""Effects on springs: those of a rod hardly stretch, and it bends without any. What they gained in a cable that lacks
-nothing, up to 108, was of how it stretches."""
 
 LEAST_RECORD_S = 0.5
 """Seconds below which markers show less than a swing."""
@@ -88,10 +65,19 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
     )
 
 
-def effects_untold(kind: ObjectKind, observations: Sequence[Observation]) -> tuple[str, ...]:
-    """Effects that episodes of an object cannot tell, to be left out of a diagnosis."""
-    still = NOT_TOLD_BY_A_STILL_CLAMP if all(each.mounted for each in observations) else ()
-    return (*OF_A_TABLE, *still, *(OF_SPRINGS if kind == ObjectKind.ROD else ()))
+def unidentifiable_effects(kind: ObjectKind, observations: Sequence[Observation]) -> tuple[str, ...]:
+    """Effects that episodes of an object with markers cannot tell, to be left out of a diagnosis.
+
+    Records of markers do not tell what a table does. What a clamp that stands still does to held points is how it was
+    mounted. Springs of a rod hardly stretch, and it bends without any: what effects on springs gained in a cable that
+    lacks nothing, up to 108, was of how it stretches.
+    """
+    absent = {Need.TABLE}
+    if all(each.mounted for each in observations):
+        absent.add(Need.MOVING_GRIP)
+    if kind == ObjectKind.ROD:
+        absent.add(Need.SPRINGS)
+    return tuple(effect.name for effect in LIBRARY.values() if effect.traits.needs & absent)
 
 
 def _tracks(problem: FitProblem) -> ObservedTracks:

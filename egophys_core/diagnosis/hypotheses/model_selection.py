@@ -12,7 +12,7 @@ from egophys_core.diagnosis.evidence.refit import Fitted, refit_from
 from egophys_core.diagnosis.hypotheses.ranking import Ranked
 from egophys_core.diagnosis.hypotheses.starts import starts_beside, starts_from_rival
 from egophys_core.diagnosis.problem import Inquiry, Progress
-from egophys_core.diagnosis.verdict.decide import LEAST_GAIN, kin
+from egophys_core.diagnosis.verdict.penalised_gain import nested
 from egophys_core.effects import effect_named
 from egophys_core.twin import ObjectModel
 
@@ -78,7 +78,7 @@ def contest(
         progress(f"refit with {name}", 0.5 * index / len(chosen))
         fits[name] = refit_with(name, own_starts(name))
     best = max(fits, key=gain, default="")
-    if best and gain(best) >= LEAST_GAIN:
+    if best and gain(best) >= inquiry.thresholds.least_gain:
         for name in [each for each in reserve if each in effect_named(best).traits.confounders][:MIMICS]:
             progress(f"refit with {name}", 0.5)
             fits[name] = refit_with(name, own_starts(name))
@@ -102,8 +102,10 @@ def contest(
 
 
 def _again(best: str, gains: Mapping[str, float], in_the_air: bool) -> set[str]:
-    """The effects that start from where the best one led: its kin, and what mimics it and gains much."""
+    """Effects that start where the best one led: nested ones, and its confounders that gain much."""
     near = {name for name, gain in gains.items() if gain >= WORTH_ANOTHER * gains[best]}
-    found = kin(best) | near.intersection(effect_named(best).traits.confounders)
-    # Without a table that lies aslant, too, a tilted frame is tilted gravity.
-    return found | {"tracking_rotation"} if in_the_air and "gravity_tilt" in near else found
+    found = nested(best) | near.intersection(effect_named(best).traits.confounders)
+    if in_the_air:
+        # Without a table that lies aslant, too, a tilted frame is tilted gravity.
+        found |= {other for name in near for other in effect_named(name).traits.equivalent_in_air}
+    return found

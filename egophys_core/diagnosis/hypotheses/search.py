@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare
 from egophys_core.diagnosis.evidence.generic_law import Law, find_law
 from egophys_core.diagnosis.evidence.judging import Judged, judge, proven
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
@@ -12,25 +13,20 @@ from egophys_core.diagnosis.hypotheses.large_amplitude import Leap, leap_gains, 
 from egophys_core.diagnosis.hypotheses.model_selection import contest
 from egophys_core.diagnosis.hypotheses.ranking import Probe, Ranked, Ranking, probe_effects, rank
 from egophys_core.diagnosis.hypotheses.rod_starts import RodStart, rod_starts
+from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import Inquiry, Progress
-from egophys_core.diagnosis.verdict.decide import FLOOR_M, LARGEST_P, LEAST_GAIN, Verdict, decide, explaining
+from egophys_core.diagnosis.verdict.decide import Verdict, decide
+from egophys_core.effects import LIBRARY
 from egophys_core.twin import ObjectKind, ObjectModel
 
-WORTH_REFITTING = LEAST_GAIN / 6.0
-"""Held-out gain of the linear problem below which a refit has never found what was asked for."""
+Criteria = dict[str, tuple[CriterionResult, ...]]
+"""Per effect what it was held against."""
 
 FINER = 0.7
 """Of the scale of the residuals: where an effect leaves less, all are judged again by what it leaves."""
 
-OUT_OF_STEP_M = FLOOR_M
+OUT_OF_STEP_M = 0.002
 """Metres: scale of residuals from which a cable may swing out of step with its twin; then slopes there say nothing."""
-
-ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",), ObjectKind.ROD: ()}
-"""Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
-
-ALWAYS_IN_A_CLAMP = ("viscoelasticity",)
-"""As well: a solid that swings in a clamp makes up with stiffness and damping for what relaxes, and slopes there see
-nothing of it (a silicone beam: it was not among the first five, and came second when it was refitted)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +38,38 @@ class Search:
     judged: list[Judged]
     law: Law
     verdict: Verdict
+    criteria: Mapping[str, tuple[CriterionResult, ...]]
+    """Of every effect by name: those of the verdict, or what kept it from a refit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Promise:
+    """What the effects may gain in a refit."""
+
+    ranking: Ranking
+    """By slopes alone."""
+    gains: Mapping[str, float]
+    """Per effect the largest held-out gain by its slopes, by large-amplitude probes, or on rods."""
+
+    def worth_a_refit(self, refit_gain: float) -> list[Ranked]:
+        """The effects that promise at least so much, the most promising first."""
+        worth = [each for each in self.ranking.ranked if self.gains[each.name] >= refit_gain]
+        return sorted(worth, key=lambda each: -self.gains[each.name])
+
+    def criteria(self, worth: Sequence[Ranked], options: DiagnosisOptions, refit_gain: float) -> Criteria:
+        """What keeps each effect from a refit, unless there is another reason for one.
+
+        Args:
+            worth: those that are worth it, the most promising first.
+        """
+        found: Criteria = {}
+        for name, gain in self.gains.items():
+            what, because = "held-out gain by slopes and large-amplitude probes:", " to be worth a refit"
+            found[name] = (compare("worth_a_refit", what, gain, Direction.AT_LEAST, refit_gain, because=because),)
+        for place, each in enumerate(worth, start=1):
+            what = "place in the order of held-out gains by slopes and large-amplitude probes:"
+            found[each.name] += (compare("shortlist", what, place, Direction.AT_MOST, options.shortlist, unit="1"),)
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,19 +83,18 @@ class Survey:
     on_rods: dict[str, list[RodStart]]
     """Of a cable, by effect, the best first."""
 
-    def ranking(self, scale: float, *, shams: int, seed: int) -> tuple[Ranking, list[Ranked]]:
-        """The effects ranked on a scale by their slopes, and the same in the order in which they are worth a refit."""
+    def promise(self, scale: float, *, shams: int, seed: int) -> Promise:
+        """What the effects promise, judged by residuals of a scale."""
         problem = linear_problem(self.fitted.residuals, self.fitted.jacobian, scale)
         ranking = rank(problem, self.probes, shams=shams, seed=seed)
         leaps = leap_gains(problem, self.leaps)
         known = robust_loss(self.fitted.residuals, scale)
         rods = {name: known - min(start.loss(scale) for start in starts) for name, starts in self.on_rods.items()}
-        promise = {
+        gains = {
             each.name: max(each.held_out_gain, leaps.get(each.name, 0.0), rods.get(each.name, 0.0))
             for each in ranking.ranked
         }
-        worth = [each for each in ranking.ranked if promise[each.name] >= WORTH_REFITTING]
-        return ranking, sorted(worth, key=lambda each: -promise[each.name])
+        return Promise(ranking=ranking, gains=gains)
 
 
 def search(
@@ -95,7 +122,7 @@ def search(
     if finest < FINER * before.scale:
         finer = replace(found.before, scale=finest)
         before = refit_further(inquiry.observations, finer, iterations=inquiry.options.refit_iterations)
-        earlier = {each.name: each.fitted.model for each in found.judged if each.gain >= WORTH_REFITTING}
+        earlier = {each.name: each.fitted.model for each in found.judged if each.gain >= inquiry.thresholds.refit_gain}
         found = _judged(
             inquiry, survey, before, others, lambda stage, share: progress(stage, 0.7 + 0.3 * share), earlier=earlier
         )
@@ -143,11 +170,13 @@ def _judged(
         earlier: models with effects that were refitted on a coarser scale: judged whatever the ranking says.
     """
     options = inquiry.options
-    ranking, worth = survey.ranking(before.scale, shams=options.shams, seed=inquiry.seed)
-    kind = before.model.kind
+    thresholds = inquiry.thresholds
+    promise = survey.promise(before.scale, shams=options.shams, seed=inquiry.seed)
+    ranking, worth = promise.ranking, promise.worth_a_refit(thresholds.refit_gain)
     free = inquiry.observations[0].free
-    always = ALWAYS_IN_A_CLAMP if free and kind == ObjectKind.SOLID else ALWAYS[kind]
-    chosen = {*(each.name for each in worth[: options.shortlist]), *always, *earlier}
+    object_seen = f"clamped {before.model.kind}" if free else str(before.model.kind)
+    common = {effect.name for effect in LIBRARY.values() if object_seen in effect.traits.common_in}
+    chosen = {*(each.name for each in worth[: options.shortlist]), *common, *earlier}
     ended = contest(
         inquiry,
         before,
@@ -169,14 +198,15 @@ def _judged(
     if inquiry.proofs and judged:
         judged = proven(judged, before, inquiry.proofs)
     p_null = {each.name: ranking.p_null(each.gain) for each in judged}
-    second = bool(before.model.effects)
-    law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0
     verdict = decide(
-        explaining(judged, survey.fitted.scale) if free else judged,
+        judged,
         p_null,
-        law_gain,
+        law.held_out_gain if ranking.p_null(law.held_out_gain) <= thresholds.largest_p else 0.0,
         len(inquiry.observations),
-        second=second,
+        beside_named=bool(before.model.effects),
         residual_m=median_size(before.residuals),
+        free_residual_m=survey.fitted.scale if free else None,
+        thresholds=thresholds,
     )
-    return Search(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)
+    criteria = {**promise.criteria(worth, options, thresholds.refit_gain), **verdict.criteria}
+    return Search(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict, criteria=criteria)

@@ -1,9 +1,9 @@
 """The explanation: what was measured directly, and what searches name beside it, one effect after the other."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from egophys_core.diagnosis.diagnosis import Outcome
+from egophys_core.diagnosis.diagnosis import Decision, Outcome
 from egophys_core.diagnosis.direct.measure import Measured
 from egophys_core.diagnosis.evidence.baseline_twin import Base
 from egophys_core.diagnosis.evidence.judging import Judged
@@ -27,6 +27,8 @@ class Explanation:
     fitted: Fitted
     """With them, or with the best of them."""
     searches: tuple[Search, ...]
+    decisions: tuple[Decision, ...]
+    """Of each search."""
 
 
 def explain(
@@ -45,6 +47,7 @@ def explain(
     named: list[Measured | Judged] = [*shown]
     reasons = [each.reason for each in shown]
     fitted, others, searches = base.fitted, base.others, list[Search]()
+    decisions: list[Decision] = []
     rounds = ROUNDS - bool(shown)
     told = {*without, *(each.name for each in measured)}
     for index in range(rounds):
@@ -54,16 +57,17 @@ def explain(
 
         found = search(inquiry, fitted, {*told, *(each.name for each in named)}, report, others=others)
         searches.append(found)
+        decisions.append(replace(found.verdict.decision, beside=tuple(each.name for each in named)))
         if found.verdict.outcome != Outcome.NAMED:
             break
-        named.append(found.verdict.judged[0])
+        named.append(found.verdict.named[0])
         reasons.append(found.verdict.reason)
-        fitted, others = found.verdict.judged[0].fitted, []
+        fitted, others = found.verdict.named[0].fitted, []
     last = searches[-1].verdict
     outcome = Outcome.NAMED
     if not named:
-        outcome, named = last.outcome, [*last.judged]
-        fitted = last.judged[0].fitted if last.judged else searches[-1].before
+        outcome, named = last.outcome, [*last.named]
+        fitted = last.named[0].fitted if last.named else searches[-1].before
     elif last.outcome not in (Outcome.NAMED, Outcome.NONE):
         outcome = Outcome.NAMED_AND_UNEXPLAINED
     if last.outcome != Outcome.NAMED and (outcome != Outcome.NAMED or not named):
@@ -75,4 +79,5 @@ def explain(
         experiment=searches[0].verdict.experiment,
         fitted=fitted,
         searches=tuple(searches),
+        decisions=tuple(decisions),
     )

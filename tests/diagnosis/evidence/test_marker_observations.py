@@ -10,7 +10,7 @@ from scipy.sparse.linalg import eigsh
 from scipy.spatial.transform import Rotation
 
 from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
-from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.evidence.refit import median_size
 from egophys_core.diagnosis.evidence.residuals import BLOCK_S, block_means, residuals, track_offsets
 from egophys_core.diagnosis.hypotheses.ranking import probe_effects
@@ -237,7 +237,7 @@ def test_slopes_of_effects_on_a_swing_are_those_near_none(
 def test_a_still_clamp_tells_nothing_of_the_hands(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, model, episode = cantilever
     observation = observe_markers(twin_of(body, model), episode)
-    untold = effects_untold(model.kind, [observation])
+    untold = unidentifiable_effects(model.kind, [observation])
     assert "tracking_offset" in untold
     assert "viscoelasticity" not in untold
     assert observation.rate == 0.0
@@ -248,7 +248,7 @@ def test_a_rod_tells_nothing_of_springs_nor_a_record_of_markers_of_a_table(
 ) -> None:
     body, model, episode = cantilever
     moved = replace(observe_markers(twin_of(body, model), episode), mounted=False)
-    of_a_rod, of_a_solid = (set(effects_untold(kind, [moved])) for kind in (ObjectKind.ROD, ObjectKind.SOLID))
+    of_a_rod, of_a_solid = (set(unidentifiable_effects(kind, [moved])) for kind in (ObjectKind.ROD, ObjectKind.SOLID))
     assert of_a_solid == {"table_adhesion", "place_dependent_friction", "stribeck_friction"}
     assert of_a_rod < set(LIBRARY)
     assert "viscoelasticity" in of_a_rod

@@ -46,9 +46,14 @@ def test_an_effect_without_slopes_is_worth_a_refit_if_a_leap_gains():
         ],
         on_rods={},
     )
-    ranking, worth = survey.ranking(SCALE, shams=5, seed=0)
-    assert ranking.ranked[0].name == "quadratic_drag"
+    promise = survey.promise(SCALE, shams=5, seed=0)
+    assert promise.ranking.ranked[0].name == "quadratic_drag"
+    worth = promise.worth_a_refit(8.0)
     assert {each.name for each in worth} == {"gravity_scale", "quadratic_drag"}
+    criteria = promise.criteria(worth, DiagnosisOptions(shortlist=1), 8.0)
+    failed = {name: [each.name for each in results if not each.passed] for name, results in criteria.items()}
+    assert failed == {worth[0].name: [], worth[1].name: ["shortlist"], "tracking_scale": ["worth_a_refit"]}
+    assert "needs at least 8 to be worth a refit" in criteria["tracking_scale"][0].sentence
 
 
 def test_a_cable_that_goes_where_nothing_pulls_it_is_unexplained():

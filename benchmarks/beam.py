@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.accuracy import DATA
 from egophys_core.diagnosis.diagnose import diagnose_observed
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
-from egophys_core.diagnosis.evidence.residuals import Observation, track_offsets
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, track_offsets
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.identification.marker_fit import build_marker_twin
 from egophys_core.kinds.template import parse_template
@@ -74,12 +74,12 @@ def run() -> dict[str, Any]:
     }
 
 
-def rmse(observation: Observation, model: ObjectModel) -> float:
+def rmse(observation: TrackedEpisode, model: ObjectModel) -> float:
     """Metres: root mean square distance of the markers over a free rollout of the whole record."""
     return _root_mean_square(track_offsets(observation, [model])[0][0])
 
 
-def swing_rmse(observation: Observation, model: ObjectModel) -> float:
+def swing_rmse(observation: TrackedEpisode, model: ObjectModel) -> float:
     """As `rmse`, without each marker's mean offset, which is of how the record was mounted as well."""
     offsets = track_offsets(observation, [model])[0][0]
     return _root_mean_square(offsets - np.nanmean(offsets, axis=0))

@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--without", nargs="+", default=[], metavar="EFFECT", help="effects of the library to leave out, by name"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of shams and resamples (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="of surrogates and resamples (default 0)")
     parser.add_argument("--json", action="store_true", help="print the content of diagnosis.json instead of a summary")
     add_load_argument(parser)
     add_option_arguments(parser, DiagnosisOptions)
@@ -102,13 +102,13 @@ def _diagnose_markers(
     fitted, reported = (
         [observe_markers(twin, each, load=loads.get(each.name, 0.0)) for each in group] for group in (episodes, others)
     )
-    untold = unidentifiable_effects(twin.model.kind, fitted)
+    unidentifiable = unidentifiable_effects(twin.model.kind, fitted)
     return diagnose_observed(
         twin,
         fitted,
         options,
         report_on=reported,
-        without=(*parsed.without, *untold),
+        without=(*parsed.without, *unidentifiable),
         seed=parsed.seed,
         progress=progress,
     )

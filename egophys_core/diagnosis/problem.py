@@ -1,9 +1,9 @@
-"""An inquiry: what stays the same over the searches of a diagnosis."""
+"""An problem: what stays the same over the searches of a diagnosis."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
 
@@ -12,12 +12,12 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Inquiry:
+class DiagnosisProblem:
     """Episodes, options and seed."""
 
-    observations: Sequence[Observation]
+    observations: Sequence[TrackedEpisode]
     """What is fitted."""
-    proofs: Sequence[Observation]
+    validation: Sequence[TrackedEpisode]
     """Episodes that are not."""
     options: DiagnosisOptions
     seed: int

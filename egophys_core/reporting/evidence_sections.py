@@ -40,7 +40,7 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> list[
             Markup(mark),
             figures(gain),
             figures(each["p_null"]),
-            figures(each["proof_gain"]),
+            figures(each["validation_gain"]),
         ]
 
     details = [
@@ -57,12 +57,12 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> list[
             "p",
             "Bars: how much better the twin with the effect explains data it was not fitted to (gain in "
             "log-likelihood); bars of loss are cut short. Grey ground: what a twin's own mismatch gains without an "
-            f"effect, {figures(mismatch_gain)} at most. p: share of sham effects, shifted in time, that gain as much; "
-            "an effect needs 0.05 or less. In the others: gain in the episodes that took no part in the fit.",
+            f"effect, {figures(mismatch_gain)} at most. p: share of surrogates, effects shifted in time, that gain as "
+            "much; an effect needs 0.05 or less. Validation: gain in the episodes that took no part in the fit.",
             class_="quiet",
         ),
         table(
-            ("effect", "held-out gain", "gain", "p", "in the others"),
+            ("effect", "held-out gain", "gain", "p", "validation"),
             [row(each) for each in candidates],
             kinds=("", "wide", "", "", ""),
         ),

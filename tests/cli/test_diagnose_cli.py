@@ -106,5 +106,5 @@ def test_bad_input_is_refused_before_the_diagnosis(asked, twin, bag, tmp_path):
     assert "no.mcap" in refused(RecordingError, tmp_path, twin, bag, "--report-on", tmp_path / "no.mcap", *out)
     assert "it is a file" in refused(OutputError, tmp_path, twin, bag, "--out", tmp_path / "file")
     assert "did you mean quadratic_drag?" in refused(TwinError, tmp_path, twin, bag, *out, "--without", "quadratic_drg")
-    assert "shams must be in" in refused(OptionsError, tmp_path, twin, bag, *out, "--shams", "1")
+    assert "surrogates must be in" in refused(OptionsError, tmp_path, twin, bag, *out, "--surrogates", "1")
     assert asked == []

@@ -9,12 +9,12 @@ from egophys_core.diagnosis.diagnosis import (
     Candidate,
     Decision,
     Diagnosis,
-    EpisodeError,
     Estimate,
     Evidence,
     NamedEffect,
     NearestMiss,
     Outcome,
+    PredictionErrors,
     Where,
 )
 
@@ -68,7 +68,7 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
                 held_out_gain=406.0,
                 p_null=0.005,
                 fitted_gain=450.0,
-                proof_gain=55.0,
+                validation_gain=55.0,
                 values={"coefficient": 3.8},
                 criteria=(
                     compare("held_out_gain", "gain on left-out data", 406.0, Direction.AT_LEAST, 50.0),
@@ -80,7 +80,7 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
                 held_out_gain=-900.0,
                 p_null=0.4,
                 fitted_gain=4.0,
-                proof_gain=None,
+                validation_gain=None,
                 values={"factor": 1.2},
                 criteria=(MISSED,),
             ),
@@ -103,10 +103,12 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
     return Diagnosis(**{**fields, **changes})
 
 
-def episode_error(episode: str, *, fitted: bool = False, before: float = 0.012, after: float = 0.005) -> EpisodeError:
+def episode_error(
+    episode: str, *, fitted: bool = False, before: float = 0.012, after: float = 0.005
+) -> PredictionErrors:
     """An error that the effect makes smaller; 1 mm less in what was fitted."""
     less = 0.001 if fitted else 0.0
-    return EpisodeError(
+    return PredictionErrors(
         episode=episode,
         track_before_m=before - less,
         track_after_m=after - less,
@@ -118,7 +120,7 @@ def episode_error(episode: str, *, fitted: bool = False, before: float = 0.012, 
 
 
 def make_evidence(names: tuple[str, ...] = ("lift", "pull", "swing"), points: int = 40) -> Evidence:
-    """Errors that rise after a quiet second, and a sheet that sags."""
+    """Errors that rise after a quiet second, and a sheet that droops."""
     times = np.linspace(0.0, 4.0, 60)
     rising = np.where(times < 1.0, np.nan, 0.004 * times)
     generator = np.random.default_rng(3)

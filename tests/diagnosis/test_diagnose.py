@@ -19,7 +19,7 @@ from tests.diagnosis.rehearsed import WIND, episodes, fallen, sheet
 from tests.identification.synthetic import episode_of, make_episode
 from tests.twin.examples import make_twin
 
-QUICK = DiagnosisOptions(base_starts=2, shortlist=2, refit_iterations=3, shams=40, bootstraps=100)
+QUICK = DiagnosisOptions(baseline_starts=2, shortlist=2, refit_iterations=3, surrogates=40, bootstraps=100)
 
 ASKED = {"constant_body_force", "gravity_tilt", "quadratic_drag", "uneven_mass", "viscoelasticity"}
 """Effects, of which two explain a wind: each further one costs these tests ten seconds."""
@@ -47,12 +47,12 @@ def test_a_steady_sideways_wind_is_not_told_from_tilted_gravity(wind):
     assert diagnosis.experiment
 
 
-def test_of_three_episodes_the_last_is_not_fitted_and_bears_the_effect_out(wind):
+def test_of_three_episodes_the_last_is_not_fitted_and_supports_the_effect(wind):
     diagnosis = wind[0].diagnosis
     assert [error.fitted for error in diagnosis.error] == [True, True, False]
-    proofs = {each.name: each.proof_gain for each in diagnosis.candidates}
-    assert proofs["constant_body_force"] > 20.0
-    assert None in proofs.values()
+    validation = {each.name: each.validation_gain for each in diagnosis.candidates}
+    assert validation["constant_body_force"] > 20.0
+    assert None in validation.values()
 
 
 def test_the_improved_twin_predicts_better_and_names_its_parent(wind):
@@ -74,16 +74,16 @@ def test_the_file_has_the_keys_that_users_read(wind):
     assert gains == sorted(gains, reverse=True)
 
 
-def test_nothing_planted_nothing_named():
+def test_nothing_injected_nothing_named():
     diagnosis = diagnose(make_twin(sheet()), episodes(), QUICK).diagnosis
     assert (diagnosis.outcome, diagnosis.effects) == (Outcome.NONE, ())
 
 
-def test_an_episode_that_the_twin_does_not_follow_bears_nothing_out():
+def test_an_episode_that_the_twin_does_not_follow_supports_nothing():
     recorded = [*episodes(), fallen()]
     diagnosis = diagnose(make_twin(sheet()), recorded, QUICK, without=LIBRARY.keys() - ASKED).diagnosis
     assert "does not follow fallen" in diagnosis.reason
-    assert [each.proof_gain for each in diagnosis.candidates] == [None] * len(ASKED)
+    assert [each.validation_gain for each in diagnosis.candidates] == [None] * len(ASKED)
 
 
 @pytest.mark.slow

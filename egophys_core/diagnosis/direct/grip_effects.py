@@ -7,7 +7,7 @@ import numpy as np
 from egophys_core.diagnosis.diagnosis import Estimate
 from egophys_core.diagnosis.direct.grip_fit import GripFit, explained, fit_grips, gains, intervals, p_null
 from egophys_core.diagnosis.direct.grips import GripRecord, grips_of
-from egophys_core.diagnosis.direct.measured import Measured, Recordings, measured
+from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
 from egophys_core.effects import effect_named
 
 HELD_M = 0.005
@@ -16,7 +16,7 @@ HELD_M = 0.005
 Grips = Sequence[GripRecord]
 
 
-def grip_effects(names: Sequence[str], recordings: Recordings) -> list[Measured]:
+def grip_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredEffect]:
     """What grips tell of the effects of some names, where two episodes have grips."""
     if recordings.fitted[0].free:
         return []
@@ -28,15 +28,15 @@ def grip_effects(names: Sequence[str], recordings: Recordings) -> list[Measured]
     best, others = _selected(grips, names, recordings.thresholds.measured_gain)
     if np.sqrt(best.squares.max()) > HELD_M:
         return []
-    fits = {**dict.fromkeys(best.numbers, best), **others}
+    fits = {**dict.fromkeys(best.values, best), **others}
     return [_measured(name, fit, episodes, validation, recordings) for name, fit in fits.items()]
 
 
 def _selected(grips: Grips, names: Sequence[str], least_gain: float) -> tuple[GripFit, dict[str, GripFit]]:
     """Forward selection: the fit with one effect after the other as long as one gains, and those with one more each."""
     best = explained(grips, {})
-    while left := [name for name in names if name not in best.numbers]:
-        others = {name: fit_grips(grips, (*best.numbers, name)) for name in left}
+    while left := [name for name in names if name not in best.values]:
+        others = {name: fit_grips(grips, (*best.values, name)) for name in left}
         name = max(left, key=lambda each: float(gains(grips, best, others[each]).sum()))
         if gains(grips, best, others[name]).sum() < least_gain:
             return best, others
@@ -46,10 +46,10 @@ def _selected(grips: Grips, names: Sequence[str], least_gain: float) -> tuple[Gr
 
 def _measured(
     name: str, fit: GripFit, episodes: Sequence[Grips], validation: Grips, recordings: Recordings
-) -> Measured:
+) -> MeasuredEffect:
     """One of the effects that grips were fitted with, held against the same fit without it."""
     grips = [grip for each in episodes for grip in each]
-    names = tuple(fit.numbers)
+    names = tuple(fit.values)
     rest = tuple(each for each in names if each != name)
 
     def fit_without(some: Grips) -> GripFit:
@@ -59,18 +59,18 @@ def _measured(
     held_out = []
     for index, own in enumerate(episodes):
         others = [grip for each in (*episodes[:index], *episodes[index + 1 :]) for grip in each]
-        before, after = (explained(own, each.numbers) for each in (fit_without(others), fit_grips(others, names)))
+        before, after = (explained(own, each.values) for each in (fit_without(others), fit_grips(others, names)))
         held_out.append(float(gains(own, before, after).sum()))
     validated = None
     if validation:
-        before, after = (explained(validation, each.numbers) for each in (without, fit))
+        before, after = (explained(validation, each.values) for each in (without, fit))
         validated = float(gains(validation, before, after).sum())
     ends = intervals(grips, fit, resamples=recordings.resamples, seed=recordings.seed)[name]
     left = [1e3 * float(np.sqrt(each.squares.mean())) for each in (without, fit)]
     return measured(
         name,
         parameters={
-            each.name: Estimate(value=fit.numbers[name][each.name], unit=each.unit, ci95=ends[each.name])
+            each.name: Estimate(value=fit.values[name][each.name], unit=each.unit, ci95=ends[each.name])
             for each in effect_named(name).parameters
         },
         fitted_gain=float(gains(grips, without, fit).sum()),

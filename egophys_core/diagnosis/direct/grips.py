@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.effects import effect_named
 from egophys_core.effects.effect_values import Values
 from egophys_core.effects.hands import turns
@@ -70,7 +70,7 @@ class GripRecord:
         return np.asarray(record[after - 1] + share * (record[after] - record[after - 1]))
 
 
-def grips_of(observation: Observation) -> list[GripRecord]:
+def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
     """The grips of an episode that last and have tracks near them."""
     tracks, times = observation.tracks.smooth, observation.episode.times
     found = []

@@ -8,10 +8,10 @@ never right, has no part in it.
 from collections.abc import Collection, Sequence
 
 from egophys_core.diagnosis.direct.grip_effects import grip_effects
-from egophys_core.diagnosis.direct.measured import Estimator, Measured, Recordings
+from egophys_core.diagnosis.direct.measured import Estimator, MeasuredEffect, Recordings
 from egophys_core.diagnosis.direct.ring_down_effects import ring_down_effects
 from egophys_core.diagnosis.direct.table_level import table_level_effects
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.traits import Measurement
@@ -25,21 +25,21 @@ ESTIMATORS: dict[Measurement, Estimator] = {
 
 
 def measure(
-    observations: Sequence[Observation],
-    validation: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
+    validation: Sequence[TrackedEpisode],
     *,
-    is_sheet: bool,
+    lies_flat: bool,
     without: Collection[str],
     resamples: int,
     seed: int,
     thresholds: Thresholds | None = None,
-) -> list[Measured]:
+) -> list[MeasuredEffect]:
     """The effects that two episodes or more tell directly: those that show, the clearest first, and those that do not.
 
     Args:
         observations: what is fitted.
         validation: episodes that are not, in which an effect has to show, too.
-        is_sheet: whether the object lies flat when it lies.
+        lies_flat: whether the object lies flat when it lies.
         without: names of effects that are left out.
         resamples: for intervals.
         seed: of resamples and surrogates.
@@ -50,7 +50,7 @@ def measure(
     recordings = Recordings(
         fitted=observations,
         validation=validation,
-        lies_flat=is_sheet,
+        lies_flat=lies_flat,
         resamples=resamples,
         seed=seed,
         thresholds=thresholds or Thresholds(),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare, not_asked
 from egophys_core.diagnosis.diagnosis import Estimate
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import effect_named
 
@@ -14,8 +14,8 @@ from egophys_core.effects import effect_named
 class Recordings:
     """From what effects are measured, and how."""
 
-    fitted: Sequence[Observation]
-    validation: Sequence[Observation]
+    fitted: Sequence[TrackedEpisode]
+    validation: Sequence[TrackedEpisode]
     """Episodes that are not fitted, in which an effect has to show, too."""
     lies_flat: bool
     """Whether the object lies flat when it lies."""
@@ -27,7 +27,7 @@ class Recordings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class MeasuredEffect:
     """An effect that was measured directly, and shows or does not."""
 
     name: str
@@ -35,7 +35,7 @@ class Measured:
     fitted_gain: float
     held_out_gain: float
     """Each episode by the parameters of the others."""
-    proof_gain: float | None
+    validation_gain: float | None
     """In validation episodes; None without any."""
     p_null: float
     episodes_agree: bool
@@ -55,7 +55,7 @@ class Measured:
         return {name: each.value for name, each in self.parameters.items()}
 
 
-Estimator = Callable[[Sequence[str], Recordings], list[Measured]]
+Estimator = Callable[[Sequence[str], Recordings], list[MeasuredEffect]]
 """Measures the effects of some names, if recordings tell them; nothing of those that they do not tell."""
 
 
@@ -70,7 +70,7 @@ def measured(
     reason: str,
     thresholds: Thresholds,
     further: Sequence[CriterionResult] = (),
-) -> Measured:
+) -> MeasuredEffect:
     """An effect with all of its criteria.
 
     Args:
@@ -79,12 +79,12 @@ def measured(
     """
     held_out_gain, least = float(sum(held_out_gains)), float(min(held_out_gains))
     both, what = min(fitted_gain, held_out_gain), "lesser of the fitted and the left-out gain"
-    return Measured(
+    return MeasuredEffect(
         name=name,
         parameters=parameters,
         fitted_gain=fitted_gain,
         held_out_gain=held_out_gain,
-        proof_gain=validation_gain,
+        validation_gain=validation_gain,
         p_null=p_null,
         episodes_agree=least > 0.0,
         reason=reason,

@@ -12,7 +12,7 @@ from egophys_core.episode import Episode
 from egophys_core.observation.clamps import stands_still
 from egophys_core.observation.markers import find_onset
 
-LEAST_TURNS = 6
+LEAST_CROSSINGS = 6
 """Times that a ring-down passes its middle, at least: fewer do not tell how fast it is."""
 
 
@@ -30,7 +30,7 @@ class RingDown:
     """[E] metres."""
 
     @property
-    def turns(self) -> np.ndarray:
+    def crossings(self) -> np.ndarray:
         """[Z] seconds at which it passes its middle; noise at the end may pass it, too."""
         beside = self.places - np.median(self.places[len(self.places) // 2 :])
         return self.times[:-1][beside[:-1] * beside[1:] < 0.0]
@@ -38,7 +38,7 @@ class RingDown:
     @property
     def rate(self) -> float:
         """rad/s, about."""
-        return float(np.pi / np.median(np.diff(self.turns[: 2 * LEAST_TURNS])))
+        return float(np.pi / np.median(np.diff(self.crossings[: 2 * LEAST_CROSSINGS])))
 
 
 def ring_down_of(episode: Episode) -> RingDown | None:
@@ -49,7 +49,7 @@ def ring_down_of(episode: Episode) -> RingDown | None:
     seen = np.isfinite(episode.points).all(axis=(1, 2))
     times, points = episode.times[seen], episode.points[seen].astype(np.float64)
     after = times > onset.time
-    if after.sum() < 3 * LEAST_TURNS or after.all():
+    if after.sum() < 3 * LEAST_CROSSINGS or after.all():
         return None
     middle = points[after].mean(axis=0)
     directions = np.linalg.svd((points[after] - middle).reshape(after.sum(), -1), full_matrices=False)[2]
@@ -61,4 +61,4 @@ def ring_down_of(episode: Episode) -> RingDown | None:
         earlier_times=times[~after] - onset.time,
         earlier=places[~after],
     )
-    return record if len(record.turns) >= LEAST_TURNS else None
+    return record if len(record.crossings) >= LEAST_CROSSINGS else None

@@ -6,7 +6,7 @@ import numpy as np
 
 from egophys_core.diagnosis.criterion import Direction, compare
 from egophys_core.diagnosis.diagnosis import Estimate
-from egophys_core.diagnosis.direct.measured import Measured, Recordings, measured
+from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
 from egophys_core.diagnosis.direct.ring_down import RingDown, ring_down_of
 from egophys_core.diagnosis.direct.ring_down_fit import (
     FLOOR,
@@ -17,7 +17,7 @@ from egophys_core.diagnosis.direct.ring_down_fit import (
     ring_down_gains,
 )
 from egophys_core.diagnosis.direct.surrogates import shifted_p
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.effects import Parameter, effect_named
 
 OSCILLATES = 0.1
@@ -27,7 +27,7 @@ SEEN_TO_END = 0.5
 """Of the shortest record, that relaxation may take: what goes on and on may as well be flow."""
 
 
-def ring_down_effects(names: Sequence[str], recordings: Recordings) -> list[Measured]:
+def ring_down_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredEffect]:
     """What ring-downs tell of the effects of some names, where every record is one."""
     records = _told_by_ring_downs(recordings.fitted)
     if len(records) < len(recordings.fitted):
@@ -38,7 +38,7 @@ def ring_down_effects(names: Sequence[str], recordings: Recordings) -> list[Meas
 
 def _measured(
     name: str, records: Sequence[RingDown], before: RingDownFit, after: RingDownFit, recordings: Recordings
-) -> Measured:
+) -> MeasuredEffect:
     """One effect whose material relaxes, held against an oscillator that does not."""
     held_out = []
     for index, own in enumerate(records):
@@ -72,7 +72,7 @@ def _estimate(name: str, parameter: Parameter, fit: RingDownFit) -> Estimate:
     return Estimate(value=getattr(fit, which), unit=parameter.unit, ci95=fit.ci95[which])
 
 
-def _told_by_ring_downs(observations: Sequence[Observation]) -> list[RingDown]:
+def _told_by_ring_downs(observations: Sequence[TrackedEpisode]) -> list[RingDown]:
     """The ring-downs of those records in which an object swings as an oscillator does."""
     found = [ring_down_of(each.record) for each in observations if each.record is not None]
     records = [each for each in found if each is not None]

@@ -40,7 +40,7 @@ class RingDownFit:
     left: list[np.ndarray]
     """Per record [F] metres: what its oscillator leaves."""
     ci95: dict[str, tuple[float, float]]
-    """Of the numbers that were fitted."""
+    """Of the parameters that were fitted."""
 
     @property
     def squares(self) -> np.ndarray:
@@ -98,7 +98,7 @@ def _descend(records: Sequence[RingDown], time: float) -> RingDownFit:
 
         found = least_squares(errors, at, bounds=(low, high), x_scale=steps)
         at, left = found.x, of_each(found.x)
-        # Squares of each record sum up to how many independent numbers it holds.
+        # Squares of each record sum up to how many independent values it holds.
         weights = np.sqrt([
             count / (np.sum(each**2) + len(each) * FLOOR**2)
             for count, each in zip(counts(records), left, strict=True)
@@ -126,7 +126,8 @@ def _own_bounds() -> tuple[np.ndarray, np.ndarray]:
 def _left(record: RingDown, own: np.ndarray, ratio: float, time: float) -> np.ndarray:
     """[F] metres: what the best middle, first place and first speed leave of a record.
 
-    The oscillator is linear in these three; how far it has relaxed when it first turns follows from how it got there.
+    The oscillator is linear in these three; how far it has relaxed when it first turns back
+    follows from how it got there.
     """
     rate, damping = float(np.exp(own[0])), float(own[1])
     relaxed = _relaxed(record, time)

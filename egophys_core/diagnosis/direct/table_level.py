@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 from egophys_core.diagnosis.diagnosis import Estimate
-from egophys_core.diagnosis.direct.measured import Measured, Recordings, measured
+from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
 from egophys_core.effects import Effect, effect_named
 from egophys_core.effects.rotations import rotation
 
@@ -26,8 +26,8 @@ SURROGATES = 200
 """Frames that lean as much in other directions."""
 
 
-def table_level_effects(names: Sequence[str], recordings: Recordings) -> list[Measured]:
-    """The tilt of the frame by each of the effects that turn it, where the object lies flat in every episode."""
+def table_level_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredEffect]:
+    """The tilt of the frame by each of the effects that rotate it, where the object lies flat in every episode."""
     if not recordings.lies_flat or recordings.fitted[0].free:
         return []
     rests = [each.rest for each in recordings.fitted]
@@ -50,7 +50,7 @@ def upward(rest: np.ndarray) -> np.ndarray | None:
 
 
 def frame_values(effect: Effect, normal: np.ndarray) -> np.ndarray:
-    """[D] parameters of an effect whose frame turns upright to a normal [3]."""
+    """[D] parameters of an effect whose frame rotates upright to a normal [3]."""
     parameters = effect.parameters
     bounds = np.array([(each.low, each.high) for each in parameters]).T
     start = np.array([each.null or 0.0 for each in parameters])
@@ -69,7 +69,7 @@ def level_gain(rest: np.ndarray, frame: np.ndarray) -> float:
 
 def _frame_effect(
     effect: Effect, rests: Sequence[np.ndarray], normals: Sequence[np.ndarray], recordings: Recordings
-) -> Measured:
+) -> MeasuredEffect:
     """One effect on the frame, by sheets at rest and their normals."""
     found = np.array([frame_values(effect, normal) for normal in normals])
     mean, count = found.mean(axis=0), len(found)
@@ -97,7 +97,7 @@ def _frame_effect(
 
 
 def _frame(effect: Effect, values: np.ndarray) -> np.ndarray:
-    """[3, 3] the frame of an effect with parameters [D]; level if it turns none."""
+    """[3, 3] the frame of an effect with parameters [D]; level if it has none."""
     named: Mapping[str, float] = {
         each.name: float(value) for each, value in zip(effect.parameters, values, strict=True)
     }
@@ -105,7 +105,7 @@ def _frame(effect: Effect, values: np.ndarray) -> np.ndarray:
 
 
 def _leaning(frame: np.ndarray, angles: np.ndarray) -> list[np.ndarray]:
-    """A frame [3, 3] turned so that it tilts about horizontal axes at angles [S], rad."""
+    """A frame [3, 3] rotated so that it tilts about horizontal axes at angles [S], rad."""
     axis = np.arctan2(frame[0, 2], -frame[1, 2])
-    turns = [rotation(np.array([0.0, 0.0, angle - axis])) for angle in angles]
-    return [turn @ frame @ turn.T for turn in turns]
+    about_upright = [rotation(np.array([0.0, 0.0, angle - axis])) for angle in angles]
+    return [turn @ frame @ turn.T for turn in about_upright]

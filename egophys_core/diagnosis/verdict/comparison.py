@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare, not_asked, state
-from egophys_core.diagnosis.evidence.judging import Judged
+from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.verdict.penalised_gain import (
     explains_less,
     needed_to_rival,
@@ -14,7 +14,9 @@ from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import effect_named
 
 
-def special_case_explains_less(candidate: Judged, good: Sequence[Judged], thresholds: Thresholds) -> CriterionResult:
+def special_case_explains_less(
+    candidate: RefittedEffect, good: Sequence[RefittedEffect], thresholds: Thresholds
+) -> CriterionResult:
     """Each special case of it that passes on its own explains clearly less; else the special case is named.
 
     Args:
@@ -26,13 +28,13 @@ def special_case_explains_less(candidate: Judged, good: Sequence[Judged], thresh
         return not_asked(name, "more than its special cases explain: none of these passes")
     # One that explains as much decides, whatever the others do.
     rival = min(special, key=lambda each: explains_less(each, candidate, thresholds))
-    most, gain = needed_to_rival(rival, candidate, thresholds), penalised_gain(rival, thresholds)
-    what = f"penalised gain from which its special case {rival.name} with {gain:.0f} takes its place:"
-    return compare(name, what, most, Direction.ABOVE, gain)
+    gain, most = penalised_gain(rival, thresholds), needed_to_rival(rival, candidate, thresholds)
+    what = f"penalised gain of its special case {rival.name}"
+    return compare(name, what, gain, Direction.BELOW, most, because=", else that one is named")
 
 
 def special_case_predicts_less(
-    candidate: Judged, supported: Sequence[Judged], thresholds: Thresholds
+    candidate: RefittedEffect, supported: Sequence[RefittedEffect], thresholds: Thresholds
 ) -> CriterionResult:
     """No special case of it, with a fair share of its gain, predicts more of the validation episodes.
 
@@ -47,13 +49,13 @@ def special_case_predicts_less(
     ]
     if not special:
         return not_asked(name, "more than its special cases predict: none of these gains enough")
-    best = max(special, key=lambda each: each.proof_gains.sum())
+    best = max(special, key=lambda each: each.validation_gains.sum())
     what = f"gain in validation episodes beside its special case {best.name}"
-    own, other = float(candidate.proof_gains.sum()), float(best.proof_gains.sum())
-    return compare(name, what, own, Direction.AT_LEAST, other)
+    own, other = float(candidate.validation_gains.sum()), float(best.validation_gains.sum())
+    return compare(name, what, own, Direction.AT_LEAST, other, because=", which that one gains")
 
 
-def rivals_the_best(candidate: Judged, best: Judged, thresholds: Thresholds) -> CriterionResult:
+def rivals_the_best(candidate: RefittedEffect, best: RefittedEffect, thresholds: Thresholds) -> CriterionResult:
     """It explains about as much as the best candidate, and is as constant; else it is not named beside it."""
     if _differs(candidate, best):
         sentence = f"it is asked for in another size in each motion, where {best.name} is the same in all"
@@ -63,7 +65,7 @@ def rivals_the_best(candidate: Judged, best: Judged, thresholds: Thresholds) -> 
     return compare("rivals_the_best", "penalised gain", gain, Direction.AT_LEAST, needed, because=because)
 
 
-def told_apart(best: Judged, near: Sequence[Judged], thresholds: Thresholds) -> CriterionResult:
+def told_apart(best: RefittedEffect, near: Sequence[RefittedEffect], thresholds: Thresholds) -> CriterionResult:
     """Nothing that validation episodes do not speak against explains about as much as the best candidate.
 
     Args:
@@ -73,12 +75,12 @@ def told_apart(best: Judged, near: Sequence[Judged], thresholds: Thresholds) -> 
     if not near:
         return not_asked(name, "penalised gain of others: none explains about as much")
     other = max(near, key=lambda each: penalised_gain(each, thresholds))
-    gain, needed = penalised_gain(other, thresholds), needed_to_rival(other, best, thresholds)
-    what = f"penalised gain from which {other.name} with {gain:.0f} is not told apart from it:"
-    return compare(name, what, needed, Direction.ABOVE, gain)
+    gain, most = penalised_gain(other, thresholds), needed_to_rival(other, best, thresholds)
+    because = f" to be told apart from {best.name} with {penalised_gain(best, thresholds):.0f}"
+    return compare(name, f"penalised gain of {other.name}", gain, Direction.BELOW, most, because=because)
 
 
-def has_no_equivalent(best: Judged) -> CriterionResult:
+def has_no_equivalent(best: RefittedEffect) -> CriterionResult:
     """It is not one thing with another effect of the library."""
     name, traits = "has_no_equivalent", effect_named(best.name).traits
     if not is_horizontal(best):
@@ -86,18 +88,18 @@ def has_no_equivalent(best: Judged) -> CriterionResult:
     return state(name, f"a horizontal one is the same thing as {', '.join(traits.equivalent_to)}", passed=False)
 
 
-def is_horizontal(candidate: Judged) -> bool:
+def is_horizontal(candidate: RefittedEffect) -> bool:
     """Whether an effect is a steady force to the side, or what is the same."""
     return effect_named(candidate.name).traits.is_horizontal(candidate.values)
 
 
-def is_outdone(candidate: Judged, good: Sequence[Judged], thresholds: Thresholds) -> bool:
+def is_outdone(candidate: RefittedEffect, good: Sequence[RefittedEffect], thresholds: Thresholds) -> bool:
     """Whether a candidate is no rival of the first of those that are good: it explains clearly less, or it is another
     one in each motion while the first is the same in all."""
     differs = any(candidate is each for each in good) and _differs(candidate, good[0])
     return differs or explains_less(candidate, good[0], thresholds)
 
 
-def _differs(candidate: Judged, best: Judged) -> bool:
+def _differs(candidate: RefittedEffect, best: RefittedEffect) -> bool:
     """Whether only the best one is asked for in the same size by every episode."""
     return best.episodes_agree and not candidate.episodes_agree

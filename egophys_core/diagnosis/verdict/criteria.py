@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare, not_asked, state
-from egophys_core.diagnosis.evidence.judging import Judged
+from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.verdict.penalised_gain import complexity_penalty
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import effect_named
@@ -25,15 +25,15 @@ class Setting:
     """Whether it would be named beside another effect."""
     free_residual_m: float | None
     """Metres that free rollouts leave without an effect; None where observers follow the episodes."""
-    others: Sequence[Judged] = ()
+    others: Sequence[RefittedEffect] = ()
     """Candidates that validation episodes do not speak against."""
 
 
-Criterion = Callable[[Judged, Setting], CriterionResult]
+Criterion = Callable[[RefittedEffect, Setting], CriterionResult]
 
 
-def explains_free_rollouts(candidate: Judged, setting: Setting) -> CriterionResult:
-    """It leaves clearly less than a free rollout misses without it, or no more than a twin's own mismatch."""
+def explains_free_rollouts(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
+    """It leaves clearly less than a free rollout leaves without it, or no more than a twin's own mismatch."""
     name = "explains_free_rollouts"
     if setting.free_residual_m is None:
         return not_asked(name, "residuals of free rollouts: not asked of what observers follow")
@@ -42,25 +42,25 @@ def explains_free_rollouts(candidate: Judged, setting: Setting) -> CriterionResu
     return compare(name, "it leaves", 1e3 * candidate.left_m, Direction.AT_MOST, 1e3 * most, unit="mm", because=because)
 
 
-def not_only_sag(candidate: Judged, setting: Setting) -> CriterionResult:
-    """It says more than that a toy sags less or more than its twin.
+def not_only_deflection(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
+    """It says more than that a toy's static deflection is not its twin's.
 
     How firmly a toy is gripped, how stiff it is and how much it weighs are one thing there: every recorded and
     rehearsed toy asks for an upward force of 1.6 to 2.9 m/s^2, also those that lack nothing.
     """
-    name, is_vertical = "not_only_sag", effect_named(candidate.name).traits.is_vertical
+    name, is_vertical = "not_only_deflection", effect_named(candidate.name).traits.is_vertical
     if is_vertical is never or candidate.fitted.model.kind != ObjectKind.SOLID:
-        return not_asked(name, "more than how far a toy sags: not asked of this effect in this object")
-    sags = is_vertical(candidate.values)
-    says = "only that it sags more or less, which" if sags else "more than that it sags, which alone"
-    return state(name, f"it says {says} of a toy is no effect", passed=not sags)
+        return not_asked(name, "more than the static deflection of a toy: not asked of this effect in this object")
+    only = is_vertical(candidate.values)
+    says = "only of its static deflection, which" if only else "of more than its static deflection, which alone"
+    return state(name, f"it speaks {says} is no evidence in a toy", passed=not only)
 
 
-def held_out_gain(candidate: Judged, setting: Setting) -> CriterionResult:
+def held_out_gain(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """It gains enough on left-out stretches of time, by how it stands among others and how it could be validated."""
-    base, why = _asked_gain(candidate, setting)
+    baseline, why = _asked_gain(candidate, setting)
     penalty = complexity_penalty(candidate, setting.thresholds)
-    needed = max(setting.thresholds.least_gain, base + penalty)
+    needed = max(setting.thresholds.least_gain, baseline + penalty)
     if penalty:
         why += f" and {penalty:.0f} are for its {len(candidate.parameters)} parameters"
     if setting.beside_named and needed < setting.thresholds.second_gain:
@@ -70,11 +70,11 @@ def held_out_gain(candidate: Judged, setting: Setting) -> CriterionResult:
     )
 
 
-def _asked_gain(candidate: Judged, setting: Setting) -> tuple[float, str]:
+def _asked_gain(candidate: RefittedEffect, setting: Setting) -> tuple[float, str]:
     """The gain that is asked for before any penalty, and why."""
     thresholds = setting.thresholds
-    if len(candidate.proof_gains):
-        alike = {candidate.name, *candidate.mimics}
+    if len(candidate.validation_gains):
+        alike = {candidate.name, *candidate.confounders}
         crowd = [
             each
             for each in setting.others
@@ -86,38 +86,38 @@ def _asked_gain(candidate: Judged, setting: Setting) -> tuple[float, str]:
             names = ", ".join(each.name for each in crowd)
             return thresholds.crowded_gain, f" beside {names}, which gain more than half as much"
         return thresholds.least_gain, " as it stands alone"
-    turns = candidate.episode_gains
-    if len(turns) >= thresholds.episodes_in_turn and bool((turns > 0.0).all()):
+    left_out = candidate.episode_gains
+    if len(left_out) >= thresholds.episodes_in_turn and bool((left_out > 0.0).all()):
         return thresholds.in_turn_gain, " as it gains in each of the motions when that is left out"
     return thresholds.unvalidated_gain, " as no validation episode is left"
 
 
-def gain_interval(candidate: Judged, setting: Setting) -> CriterionResult:
+def gain_interval(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """Over resampled blocks of time it hardly ever loses."""
     low, what = candidate.gain_ci95[0], "lower end of the 95 % interval of the gain"
     return compare("gain_interval", what, low, Direction.ABOVE, 0.0)
 
 
-def surrogates(candidate: Judged, setting: Setting) -> CriterionResult:
+def surrogates(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """Few surrogates, slopes that are shifted in time, gain as much."""
     share, most = setting.p_null[candidate.name], setting.thresholds.largest_p
     return compare("surrogates", "share of surrogates that gain as much", share, Direction.AT_MOST, most, unit="1")
 
 
-def validation(candidate: Judged, setting: Setting) -> CriterionResult:
+def validation(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """It gains in the episodes that took no part in the fit, too."""
     name = "validation"
-    if not len(candidate.proof_gains):
+    if not len(candidate.validation_gains):
         return not_asked(name, "gain in validation episodes: there are none")
     if effect_named(candidate.name).traits.is_event:
         return not_asked(name, "gain in validation episodes: not asked of what happens in some episodes only")
     thresholds = setting.thresholds
     needed = min(thresholds.supported_share * candidate.gain, thresholds.supporting_gain)
-    found = float(candidate.proof_gains.sum())
+    found = float(candidate.validation_gains.sum())
     return compare(name, "gain in validation episodes", found, Direction.ABOVE, needed)
 
 
-def differs_from_none(candidate: Judged, setting: Setting) -> CriterionResult:
+def differs_from_none(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """The interval of some size leaves out the value at which the effect vanishes."""
     found = -np.inf
     for each in effect_named(candidate.name).parameters:
@@ -128,7 +128,7 @@ def differs_from_none(candidate: Judged, setting: Setting) -> CriterionResult:
     return compare("differs_from_none", what, found, Direction.ABOVE, 0.0, unit="steps")
 
 
-def within_bounds(candidate: Judged, setting: Setting) -> CriterionResult:
+def within_bounds(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """No size or scale ended at the end of its range: that is no physics, but something else taking its part."""
     scale = effect_named(candidate.name).traits.degenerate_parameter
     parameters = effect_named(candidate.name).parameters
@@ -142,7 +142,7 @@ def within_bounds(candidate: Judged, setting: Setting) -> CriterionResult:
     return compare("within_bounds", what, len(at_bound), Direction.AT_MOST, 0, unit="1")
 
 
-def plausible(candidate: Judged, setting: Setting) -> CriterionResult:
+def plausible(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """Its values are of such an effect: an added mass lies where the object is.
 
     In a rehearsed box without an effect one 0.7 m above it gained 172.
@@ -154,7 +154,7 @@ def plausible(candidate: Judged, setting: Setting) -> CriterionResult:
     return state(name, f"its values are {'not ' if odd else ''}of such a thing in this object", passed=not odd)
 
 
-def left_out_episodes(candidate: Judged, setting: Setting) -> CriterionResult:
+def left_out_episodes(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """Enough of the gain remains where each episode is left out as a whole."""
     name, gains = "left_out_episodes", candidate.episode_gains[~np.isnan(candidate.episode_gains)]
     if not len(gains):
@@ -166,7 +166,7 @@ def left_out_episodes(candidate: Judged, setting: Setting) -> CriterionResult:
     return compare(name, what, float(gains.sum()), Direction.ABOVE, needed)
 
 
-def same_size(candidate: Judged, setting: Setting) -> CriterionResult:
+def same_size(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """What is the same in every motion is not asked for in sizes of which one makes another motion clearly worse."""
     name, what = "same_size", "least gain of an episode by the size that the others ask for"
     if not effect_named(candidate.name).traits.same_in_every_motion:
@@ -180,8 +180,8 @@ def same_size(candidate: Judged, setting: Setting) -> CriterionResult:
     return compare(name, what, float(np.nanmin(candidate.episode_gains)), Direction.AT_LEAST, needed)
 
 
-def every_episode(candidate: Judged, setting: Setting) -> CriterionResult:
-    """Beside a named effect, whose base is mismatch for the most part, it helps in every episode that is left out.
+def every_episode(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
+    """Beside a named effect, whose baseline is mismatch for the most part, it helps in every episode that is left out.
 
     A toy that slips asked for an added mass besides with a gain of 216, which made one of its episodes worse.
     """
@@ -194,21 +194,21 @@ def every_episode(candidate: Judged, setting: Setting) -> CriterionResult:
     return compare(name, what, least, Direction.ABOVE, 0.0)
 
 
-def is_validated_in_full(candidate: Judged) -> bool:
+def is_validated_in_full(candidate: RefittedEffect) -> bool:
     """Whether it gains as much in episodes that took no part in the fit as in those that did.
 
     Then these need not support it, each by the size that the others ask for: that of a cable's small motion may be none
     for its large one (an injected drag gained 189, 247 in a third motion, and -359 in the large one that way).
     """
-    return len(candidate.proof_gains) > 0 and float(candidate.proof_gains.sum()) >= candidate.gain
+    return len(candidate.validation_gains) > 0 and float(candidate.validation_gains.sum()) >= candidate.gain
 
 
-def is_refuted(candidate: Judged, thresholds: Thresholds) -> bool:
+def is_refuted(candidate: RefittedEffect, thresholds: Thresholds) -> bool:
     """Whether the size that the other episodes ask for makes one clearly worse; one that shows little of it may not."""
     return bool((candidate.episode_gains < -thresholds.harm_share * candidate.gain).any())
 
 
-SCREENS: tuple[Criterion, ...] = (explains_free_rollouts, not_only_sag)
+SCREENS: tuple[Criterion, ...] = (explains_free_rollouts, not_only_deflection)
 """What fails one of these is no candidate: it counts for nothing, not even against others."""
 
 CRITERIA: tuple[Criterion, ...] = (

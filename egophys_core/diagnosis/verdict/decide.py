@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from egophys_core.diagnosis.criterion import CriterionResult
-from egophys_core.diagnosis.diagnosis import Decision, NearestMiss, Outcome
-from egophys_core.diagnosis.evidence.judging import Judged
+from egophys_core.diagnosis.diagnosis import MOST_MISSES, Decision, NearestMiss, Outcome
+from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.verdict.comparison import (
     has_no_equivalent,
     is_horizontal,
@@ -26,16 +26,13 @@ from egophys_core.diagnosis.verdict.rules import Situation, Standing, first_ruli
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import effect_named
 
-MISSES = 3
-"""Candidates that a decision lists as nearest misses."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
     """An outcome and what it rests on."""
 
     outcome: Outcome
-    named: tuple[Judged, ...]
+    named: tuple[RefittedEffect, ...]
     """The effect named, or those that cannot be told apart; the best first."""
     reason: str
     experiment: str | None
@@ -45,7 +42,7 @@ class Verdict:
 
 
 def decide(
-    candidates: Sequence[Judged],
+    candidates: Sequence[RefittedEffect],
     p_null: Mapping[str, float],
     law_gain: float,
     episodes: int,
@@ -102,28 +99,30 @@ def decide(
             candidate=ruling.candidate,
             criterion=ruling.criterion,
             beside=(),
-            nearest_misses=() if ruling.named else situation.nearest_misses,
+            nearest_misses=() if ruling.named else situation.nearest_misses[:MOST_MISSES],
         ),
         criteria=criteria,
     )
 
 
 def _nearest_misses(
-    candidates: Sequence[Judged], criteria: Mapping[str, tuple[CriterionResult, ...]]
+    candidates: Sequence[RefittedEffect], criteria: Mapping[str, tuple[CriterionResult, ...]]
 ) -> tuple[NearestMiss, ...]:
     """The candidates that fail the fewest criteria, of these the ones that gain most first."""
-    missed = [
-        (each, tuple(result for result in criteria[each.name] if not result.passed))
-        for each in candidates
-        if not _passes(criteria[each.name])
-    ]
-    missed.sort(key=lambda pair: (len(pair[1]), -pair[0].gain))
-    return tuple(NearestMiss(candidate=each.name, failed=failed) for each, failed in missed[:MISSES])
+    by_gain = sorted(candidates, key=lambda each: -each.gain)
+    misses = [miss for each in by_gain if (miss := nearest_miss(each.name, criteria[each.name]))]
+    return tuple(sorted(misses, key=lambda miss: len(miss.failed)))
+
+
+def nearest_miss(name: str, results: Sequence[CriterionResult]) -> NearestMiss | None:
+    """The criteria that a candidate fails, if it fails any."""
+    failed = tuple(result for result in results if not result.passed)
+    return NearestMiss(candidate=name, failed=failed) if failed else None
 
 
 def _compared(
-    ordered: Sequence[Judged],
-    supported: Sequence[Judged],
+    ordered: Sequence[RefittedEffect],
+    supported: Sequence[RefittedEffect],
     criteria: dict[str, tuple[CriterionResult, ...]],
     setting: Setting,
 ) -> Standing:
@@ -154,7 +153,9 @@ def _compared(
     return Standing(good=tuple(good), rivals=(*rivals, *equivalent), refuted_rivals=tuple(refuted))
 
 
-def _equivalents(best: Judged, ordered: Sequence[Judged], rivals: Sequence[Judged]) -> list[Judged]:
+def _equivalents(
+    best: RefittedEffect, ordered: Sequence[RefittedEffect], rivals: Sequence[RefittedEffect]
+) -> list[RefittedEffect]:
     """Further candidates that are one thing with the best one under another name.
 
     That such a refit ended worse, or fails a criterion, says nothing of which of them it is.

@@ -4,12 +4,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from egophys_core.diagnosis.diagnosis import Decision, Outcome
-from egophys_core.diagnosis.direct.measure import Measured
-from egophys_core.diagnosis.evidence.baseline_twin import Base
-from egophys_core.diagnosis.evidence.judging import Judged
+from egophys_core.diagnosis.direct.measure import MeasuredEffect
+from egophys_core.diagnosis.evidence.baseline_twin import BaselineTwin
+from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.evidence.refit import Fitted
 from egophys_core.diagnosis.hypotheses.search import Search, search
-from egophys_core.diagnosis.problem import Inquiry, Progress
+from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 
 ROUNDS = 2
 """Of naming an effect: what was measured is one, and what a search names."""
@@ -20,7 +20,7 @@ class Explanation:
     """What a twin lacks."""
 
     outcome: Outcome
-    named: tuple[Measured | Judged, ...]
+    named: tuple[MeasuredEffect | RefittedEffect, ...]
     """The effects named, or those that cannot be told apart; the best first."""
     reason: str
     experiment: str | None
@@ -32,30 +32,34 @@ class Explanation:
 
 
 def explain(
-    inquiry: Inquiry, base: Base, measured: Sequence[Measured], without: Collection[str], progress: Progress
+    problem: DiagnosisProblem,
+    baseline: BaselineTwin,
+    measured: Sequence[MeasuredEffect],
+    without: Collection[str],
+    progress: Progress,
 ) -> Explanation:
-    """Search beside the base, and again beside what was named.
+    """Search beside the baseline, and again beside what was named.
 
     Args:
-        inquiry: the episodes.
-        base: the twin with those of the measured effects that show.
+        problem: the episodes.
+        baseline: the twin with those of the measured effects that show.
         measured: the effects that were measured; none of them is searched for.
         without: names of effects that are left out.
         progress: called with stage and share done.
     """
     shown = [each for each in measured if each.shows]
-    named: list[Measured | Judged] = [*shown]
+    named: list[MeasuredEffect | RefittedEffect] = [*shown]
     reasons = [each.reason for each in shown]
-    fitted, others, searches = base.fitted, base.others, list[Search]()
+    fitted, others, searches = baseline.fitted, baseline.others, list[Search]()
     decisions: list[Decision] = []
     rounds = ROUNDS - bool(shown)
-    told = {*without, *(each.name for each in measured)}
+    known = {*without, *(each.name for each in measured)}
     for index in range(rounds):
 
         def report(stage: str, share: float, done: int = index) -> None:
             progress(stage, (done + share) / rounds)
 
-        found = search(inquiry, fitted, {*told, *(each.name for each in named)}, report, others=others)
+        found = search(problem, fitted, {*known, *(each.name for each in named)}, report, others=others)
         searches.append(found)
         decisions.append(replace(found.verdict.decision, beside=tuple(each.name for each in named)))
         if found.verdict.outcome != Outcome.NAMED:

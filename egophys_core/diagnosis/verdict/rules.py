@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare
 from egophys_core.diagnosis.diagnosis import NearestMiss, Outcome
-from egophys_core.diagnosis.evidence.judging import Judged
+from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.verdict.comparison import has_no_equivalent, is_horizontal, told_apart
 from egophys_core.diagnosis.verdict.criteria import Setting, held_out_gain
 from egophys_core.diagnosis.verdict.penalised_gain import complexity_penalty
@@ -23,11 +23,11 @@ A_SECOND_MOTION = (
 class Standing:
     """How the candidates stand that pass on their own, and what stands beside them."""
 
-    good: tuple[Judged, ...]
+    good: tuple[RefittedEffect, ...]
     """Those that pass all of their criteria, the best first."""
-    rivals: tuple[Judged, ...]
+    rivals: tuple[RefittedEffect, ...]
     """Those that cannot be told apart from the best."""
-    refuted_rivals: tuple[Judged, ...]
+    refuted_rivals: tuple[RefittedEffect, ...]
     """Where there are no rivals: those that explain as much as the best, but fail a criterion."""
 
 
@@ -36,9 +36,9 @@ class Situation:
     """All that an outcome depends on."""
 
     setting: Setting
-    ordered: Sequence[Judged]
+    ordered: Sequence[RefittedEffect]
     """The candidates, by falling penalised gain."""
-    supported: Sequence[Judged]
+    supported: Sequence[RefittedEffect]
     """Those of them that validation episodes do not speak against."""
     standing: Standing
     nearest_misses: tuple[NearestMiss, ...]
@@ -60,7 +60,7 @@ class Ruling:
     """What a rule says."""
 
     outcome: Outcome
-    named: tuple[Judged, ...] = ()
+    named: tuple[RefittedEffect, ...] = ()
     candidate: str | None
     """Whose criterion decided; None where it is of no candidate."""
     criterion: CriterionResult
@@ -108,7 +108,7 @@ def unexplained_structure(situation: Situation) -> Ruling | None:
         f"the residual has structure (a gain of {criterion.statistic:.0f} where a twin's own mismatch reaches "
         f"{situation.setting.thresholds.crowded_gain:.0f}), but no effect of the library passes all criteria"
     )
-    validated = any(len(each.proof_gains) for each in situation.supported)
+    validated = any(len(each.validation_gains) for each in situation.supported)
     return _nothing_named(
         situation,
         outcome=Outcome.UNEXPLAINED,

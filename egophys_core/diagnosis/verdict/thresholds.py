@@ -18,7 +18,7 @@ class Thresholds:
     """Gain that it needs beside others of more than `crowd_share` of its gain: several soak up a mismatch alike."""
     crowd_share: float = 0.5
     """Share of an effect's gain from which another, which is no confounder of it and not refuted, is one of these."""
-    free_parameters: int = 2
+    unpenalised_parameters: int = 2
     """Parameters that cost nothing: a direction in the plane, or a size and a rate, soak up little of a mismatch."""
     parameter_gain: float = 5.0
     """Complexity penalty of each further parameter; a gust, with seven, gained 80 in a rehearsed towel without any

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from egophys_core.diagnosis.direct.grip_fit import Numbers, explained, fit_grips, gains, intervals, p_null
+from egophys_core.diagnosis.direct.grip_fit import Parameters, explained, fit_grips, gains, intervals, p_null
 from egophys_core.diagnosis.direct.grips import GripRecord, held, held_displacements, residual_of
 
 TIMES = np.arange(181) / 30.0
@@ -109,27 +109,27 @@ def test_a_track_seen_for_a_moment_is_not_taken_for_held():
         ),
     ],
 )
-def test_the_numbers_come_back(injected: dict[str, object], numbers: Numbers, within: float):
+def test_the_numbers_come_back(injected: dict[str, object], numbers: Parameters, within: float):
     grips = three(**injected)
     ((name, expected),) = numbers.items()
     fit = fit_grips(grips, (name,))
-    assert set(fit.numbers) == {name}
+    assert set(fit.values) == {name}
     for each, value in expected.items():
-        assert fit.numbers[name][each] == pytest.approx(
+        assert fit.values[name][each] == pytest.approx(
             value, abs=within if each in ("onset", "delay", "scale") else 1e-3
         )
     before = explained(grips, {})
     assert (gains(grips, before, fit) > 10.0).all()
     assert p_null(grips, before, fit, seed=0) < 0.05
     for each, (low, high) in intervals(grips, fit, resamples=200, seed=0)[name].items():
-        assert low < fit.numbers[name][each] < high
+        assert low < fit.values[name][each] < high
 
 
 def test_a_delay_and_a_slip_are_told_apart():
     grips = three(delay=0.08, slip=(0.0, 0.0, -0.01), onset=2.0)
     fit = fit_grips(grips, ("control_delay", "grasp_slip"))
-    assert fit.numbers["control_delay"]["delay"] == pytest.approx(0.08, abs=0.003)
-    assert fit.numbers["grasp_slip"]["z"] == pytest.approx(-0.01, abs=1e-3)
+    assert fit.values["control_delay"]["delay"] == pytest.approx(0.08, abs=0.003)
+    assert fit.values["grasp_slip"]["z"] == pytest.approx(-0.01, abs=1e-3)
 
 
 @pytest.mark.parametrize("name", ["control_delay", "tracking_scale", "grasp_slip"])

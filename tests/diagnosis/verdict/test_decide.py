@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.diagnosis import Estimate, Outcome
-from egophys_core.diagnosis.evidence.judging import Judged
+from egophys_core.diagnosis.diagnosis import Estimate, NearestMiss, Outcome
+from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.verdict import decide as verdict_module
 from egophys_core.diagnosis.verdict.decide import Verdict
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
@@ -22,7 +22,7 @@ THRESHOLDS = Thresholds(
     least_gain=50.0,
     crowded_gain=60.0,
     crowd_share=0.5,
-    free_parameters=2,
+    unpenalised_parameters=2,
     parameter_gain=5.0,
     second_gain=80.0,
     unvalidated_gain=90.0,
@@ -47,12 +47,14 @@ CLEAR = 150.0
 """A gain that is beyond all of them."""
 
 
-def decide(candidates: list[Judged], p_null: dict[str, float], law_gain: float, episodes: int, **more) -> Verdict:
+def decide(
+    candidates: list[RefittedEffect], p_null: dict[str, float], law_gain: float, episodes: int, **more
+) -> Verdict:
     """The verdict by the thresholds of these tests."""
     return verdict_module.decide(candidates, p_null, law_gain, episodes, thresholds=THRESHOLDS, **more)
 
 
-def judged(name: str, gain: float, **changes) -> Judged:
+def judged(name: str, gain: float, **changes) -> RefittedEffect:
     """An effect that passes all tests if its gain is large."""
     numbers = {
         "quadratic_drag": {"coefficient": 3.0},
@@ -70,13 +72,13 @@ def judged(name: str, gain: float, **changes) -> Judged:
         "block_gains": np.full(20, gain / 20),
         "gain_ci95": (0.5 * gain, 1.5 * gain),
         "episode_gains": np.array([gain / 2, gain / 2]),
-        "proof_gains": np.array([gain / 2]),
+        "validation_gains": np.array([gain / 2]),
         "parameters": {
             key: Estimate(value=value, unit="1", ci95=(0.5 * value, 2 * value)) for key, value in numbers.items()
         },
         "episodes_agree": True,
     }
-    return Judged(**{**fields, **changes})
+    return RefittedEffect(**{**fields, **changes})
 
 
 P = {"quadratic_drag": 0.01, "control_delay": 0.01, "anisotropy": 0.01}
@@ -97,16 +99,17 @@ def test_beside_others_that_gain_alike_more_is_asked_for():
 
 
 def test_what_episodes_that_were_not_fitted_speak_against_is_not_named():
-    proven, disproven = (
-        [judged("quadratic_drag", CLEAR, proof_gains=np.array(gains))] for gains in ([40, -20], [20, -40])
+    validated, disproven = (
+        [judged("quadratic_drag", CLEAR, validation_gains=np.array(gains))] for gains in ([40, -20], [20, -40])
     )
-    assert decide(proven, P, 0.0, 2).outcome == Outcome.NAMED
+    assert decide(validated, P, 0.0, 2).outcome == Outcome.NAMED
     assert decide(disproven, P, 0.0, 2).outcome == Outcome.NONE
 
 
 def test_without_such_episodes_more_is_asked_for_or_another_motion():
     little, enough = (
-        decide([judged("quadratic_drag", factor * 90.0, proof_gains=np.zeros(0))], P, 0.0, 2) for factor in (0.9, 1.1)
+        decide([judged("quadratic_drag", factor * 90.0, validation_gains=np.zeros(0))], P, 0.0, 2)
+        for factor in (0.9, 1.1)
     )
     assert (little.outcome, enough.outcome) == (Outcome.UNEXPLAINED, Outcome.NAMED)
     assert enough.experiment is None
@@ -116,22 +119,22 @@ def test_without_such_episodes_more_is_asked_for_or_another_motion():
 def test_three_motions_that_each_gain_when_left_out_come_near_to_such_episodes():
     gain = 80.0
     every, most, two = (
-        decide([judged("quadratic_drag", gain, proof_gains=np.zeros(0), episode_gains=np.array(gains))], P, 0.0, 3)
+        decide([judged("quadratic_drag", gain, validation_gains=np.zeros(0), episode_gains=np.array(gains))], P, 0.0, 3)
         for gains in ([40.0, 20.0, 20.0], [60.0, 30.0, -10.0], [40.0, 40.0])
     )
     assert [each.outcome for each in (every, most, two)] == [Outcome.NAMED, *2 * [Outcome.UNEXPLAINED]]
 
 
 def test_a_large_gain_in_them_is_enough_whatever_an_effect_gains_elsewhere():
-    little, enough = ([judged("quadratic_drag", 300.0, proof_gains=np.array([gain]))] for gain in (13.5, 16.5))
+    little, enough = ([judged("quadratic_drag", 300.0, validation_gains=np.array([gain]))] for gain in (13.5, 16.5))
     assert decide(little, P, 0.0, 2).outcome != Outcome.NAMED
     assert decide(enough, P, 0.0, 2).outcome == Outcome.NAMED
 
 
-def test_what_they_bear_out_in_full_need_not_show_in_each_that_was_fitted():
+def test_what_they_support_in_full_need_not_show_in_each_that_was_fitted():
     lost = {"episode_gains": np.array([10.0, -2 * CLEAR]), "episodes_agree": False}
     some, all_of_it = (
-        [judged("quadratic_drag", CLEAR, proof_gains=np.array([share * CLEAR]), **lost)] for share in (0.9, 1.0)
+        [judged("quadratic_drag", CLEAR, validation_gains=np.array([share * CLEAR]), **lost)] for share in (0.9, 1.0)
     )
     assert decide(some, P, 0.0, 2).outcome == Outcome.UNEXPLAINED
     assert decide(all_of_it, P, 0.0, 2).outcome == Outcome.NAMED
@@ -139,8 +142,8 @@ def test_what_they_bear_out_in_full_need_not_show_in_each_that_was_fitted():
 
 def test_a_rival_that_they_speak_against_leaves_nothing_ambiguous():
     effects = [
-        judged("quadratic_drag", CLEAR, proof_gains=np.array([20.0])),
-        judged("control_delay", 1.1 * CLEAR, proof_gains=np.array([-20.0])),
+        judged("quadratic_drag", CLEAR, validation_gains=np.array([20.0])),
+        judged("control_delay", 1.1 * CLEAR, validation_gains=np.array([-20.0])),
     ]
     verdict = decide(effects, P, 0.0, 2)
     assert (verdict.outcome, [each.name for each in verdict.named]) == (Outcome.NAMED, ["quadratic_drag"])
@@ -151,7 +154,7 @@ def test_large_residuals_are_unexplained_where_no_effect_is_named():
     assert outcomes == [Outcome.NAMED, Outcome.UNEXPLAINED]
 
 
-def lump(x: float, z: float) -> Judged:
+def added_mass(x: float, z: float) -> RefittedEffect:
     """In a sheet, clear, at a place from its centre."""
     numbers = {"x": x, "y": 0.0, "z": z, "radius": 0.02, "fraction": 0.5}
     parameters = {name: Estimate(value=value, unit="1", ci95=(0.3, 0.8)) for name, value in numbers.items()}
@@ -159,10 +162,10 @@ def lump(x: float, z: float) -> Judged:
     return replace(judged("anisotropy", 2 * CLEAR), name="uneven_mass", parameters=parameters, fitted=body)
 
 
-def test_a_lump_beside_the_object_is_none():
+def test_an_added_mass_beside_the_object_is_none():
     half = np.ptp(sheet_model().graph.positions[:, 0]) / 2
     places = [(0.9 * half, 0.0), (0.9 * half, 1.0), (half + 0.1, 0.0)]
-    outcomes = [decide([lump(*place)], {"uneven_mass": 0.01}, 0.0, 2).outcome for place in places]
+    outcomes = [decide([added_mass(*place)], {"uneven_mass": 0.01}, 0.0, 2).outcome for place in places]
     assert outcomes == [Outcome.NAMED, Outcome.NAMED, Outcome.UNEXPLAINED]
 
 
@@ -170,8 +173,8 @@ def test_an_effect_of_many_numbers_needs_more():
     gain = 51.0
     numbers = {name: Estimate(value=0.1, unit="1", ci95=(0.05, 0.2)) for name in ("x", "y", "z", "radius", "fraction")}
     body = SimpleNamespace(model=sheet_model())
-    lump = replace(judged("anisotropy", gain), name="uneven_mass", parameters=numbers, fitted=body)
-    assert decide([lump], {"uneven_mass": 0.01}, 0.0, 2).outcome == Outcome.NONE
+    added_mass = replace(judged("anisotropy", gain), name="uneven_mass", parameters=numbers, fitted=body)
+    assert decide([added_mass], {"uneven_mass": 0.01}, 0.0, 2).outcome == Outcome.NONE
     assert decide([judged("anisotropy", gain)], P, 0.0, 2).outcome == Outcome.NAMED
 
 
@@ -218,7 +221,7 @@ def test_sizes_that_differ_but_do_no_harm_in_the_other_episode_are_forgiven(gain
     assert decide([found], P, 0.0, 2).outcome == Outcome.NAMED
 
 
-def test_shams_that_gain_as_much_forbid_a_name():
+def test_surrogates_that_gain_as_much_forbid_a_name():
     """And they are no structure either."""
     assert decide([judged("quadratic_drag", CLEAR)], {"quadratic_drag": 0.3}, 0.0, 2).outcome == Outcome.NONE
 
@@ -230,10 +233,12 @@ def test_two_that_gain_alike_are_ambiguous_with_an_experiment():
     assert "swing" in verdict.experiment
 
 
-def test_of_two_that_gain_alike_the_one_that_unfitted_episodes_bear_out_is_named():
+def test_of_two_that_gain_alike_the_one_that_validation_episodes_support_is_named():
     found = [judged("quadratic_drag", CLEAR), judged("control_delay", 0.95 * CLEAR)]
-    proofs = (np.array([0.5 * CLEAR]), np.array([0.12 * CLEAR]))
-    verdict = decide([replace(each, proof_gains=gain) for each, gain in zip(found, proofs, strict=True)], P, 0.0, 2)
+    validation = (np.array([0.5 * CLEAR]), np.array([0.12 * CLEAR]))
+    verdict = decide(
+        [replace(each, validation_gains=gain) for each, gain in zip(found, validation, strict=True)], P, 0.0, 2
+    )
     assert (verdict.outcome, [each.name for each in verdict.named]) == (Outcome.NAMED, ["quadratic_drag"])
 
 
@@ -270,7 +275,7 @@ def test_a_refuted_special_case_does_not_refute_the_general_one():
     assert [each.name for each in verdict.named] == ["constant_body_force"]
 
 
-def attraction_and_scale(excess: float) -> list[Judged]:
+def attraction_and_scale(excess: float) -> list[RefittedEffect]:
     """Attraction to a point, which gains so much more than what it contains, another scale of gravity."""
     towel = SimpleNamespace(model=sheet_model())
     numbers = {name: Estimate(value=0.5, unit="1", ci95=(0.4, 0.6)) for name in ("x", "y", "z", "strength", "range")}
@@ -325,7 +330,7 @@ def test_a_lead_that_lasts_over_the_blocks_is_clear_and_one_block_is_not(steady)
 @pytest.mark.parametrize(
     ("up", "kind", "named"), [(2.6, "solid", 0), (0.5, "solid", 1), (2.6, "sheet", 1), (2.6, "rod", 1)]
 )
-def test_a_toy_alone_may_sag_less_than_its_twin_without_being_pulled_up(up, kind, named):
+def test_a_toy_alone_may_deflect_less_than_its_twin_without_a_force_upward(up, kind, named):
     force = {
         axis: Estimate(value=value, unit="m/s^2", ci95=(0.9 * value, 1.1 * value))
         for axis, value in {"x": 0.8, "y": 0.1, "z": up}.items()
@@ -387,7 +392,7 @@ def failed(verdict: Verdict, name: str) -> list[str]:
     [
         ({"fitted_gain": 40.0}, "held_out_gain"),
         ({"gain_ci95": (-1.0, CLEAR)}, "gain_interval"),
-        ({"proof_gains": np.array([-1.0])}, "validation"),
+        ({"validation_gains": np.array([-1.0])}, "validation"),
         ({"parameters": {"coefficient": Estimate(value=0.1, unit="1/m", ci95=(-0.1, 0.3))}}, "differs_from_none"),
         ({"parameters": {"coefficient": Estimate(value=60.0, unit="1/m", ci95=(50.0, 70.0))}}, "within_bounds"),
         ({"episode_gains": np.array([5.0, 10.0])}, "left_out_episodes"),
@@ -413,8 +418,8 @@ def test_a_candidate_that_passes_has_passed_every_criterion_that_was_asked():
 
 
 def test_the_gain_that_is_asked_for_says_why():
-    lump_of_five = lump(0.0, 0.0)
-    alone = {each.name: each for each in decide([lump_of_five], {"uneven_mass": 0.01}, 0.0, 2).criteria["uneven_mass"]}
+    five = added_mass(0.0, 0.0)
+    alone = {each.name: each for each in decide([five], {"uneven_mass": 0.01}, 0.0, 2).criteria["uneven_mass"]}
     assert alone["held_out_gain"].threshold == 65.0
     assert "15 are for its 5 parameters" in alone["held_out_gain"].sentence
     crowd = [judged("control_delay", 55.0), judged("anisotropy", 40.0)]
@@ -426,7 +431,7 @@ def test_the_gain_that_is_asked_for_says_why():
 def test_why_none_is_the_first_criterion_of_the_nearest_miss():
     candidates = [
         judged("quadratic_drag", 45.0),
-        judged("control_delay", 10.0, proof_gains=np.array([-5.0]), gain_ci95=(-9.0, 20.0)),
+        judged("control_delay", 10.0, validation_gains=np.array([-5.0]), gain_ci95=(-9.0, 20.0)),
         judged("anisotropy", 20.0),
     ]
     verdict = decide(candidates, P, 0.0, 2)
@@ -479,3 +484,10 @@ def test_each_rule_says_which_criterion_decided(candidates, more, rule, criterio
 
 def failed_any(verdict: Verdict) -> list[str]:
     return [name for name in verdict.criteria if failed(verdict, name)]
+
+
+def test_what_was_only_ranked_comes_after_what_was_refitted_and_three_are_listed():
+    decision = decide([judged("quadratic_drag", 45.0), judged("anisotropy", 20.0)], P, 0.0, 2).decision
+    others = [NearestMiss(candidate=name, failed=decision.nearest_misses[0].failed) for name in ("one", "another")]
+    listed = [each.candidate for each in decision.with_further_misses(others).nearest_misses]
+    assert listed == ["quadratic_drag", "anisotropy", "one"]

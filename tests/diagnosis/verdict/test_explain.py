@@ -41,11 +41,11 @@ EITHER = verdict(Outcome.AMBIGUOUS, "tilt", "force")
         ([], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
         ([], [DRAG, TETHER], Outcome.NAMED, ["drag", "tether"], "with tether"),
         ([], [DRAG, EITHER], Outcome.NAMED_AND_UNEXPLAINED, ["drag"], "with drag"),
-        ([DELAY], [NONE], Outcome.NAMED, ["control_delay"], "base"),
+        ([DELAY], [NONE], Outcome.NAMED, ["control_delay"], "baseline"),
         ([DELAY], [DRAG], Outcome.NAMED, ["control_delay", "drag"], "with drag"),
         ([ABSENT], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
-        ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], "base"),
-        ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], "base"),
+        ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], "baseline"),
+        ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], "baseline"),
     ],
 )
 def test_the_outcome_is_of_all_that_was_found(
@@ -58,17 +58,17 @@ def test_the_outcome_is_of_all_that_was_found(
 ):
     asked = []
 
-    def search(inquiry: Any, before: Any, without: set[str], progress: Any, *, others: list[Any]) -> SimpleNamespace:
+    def search(problem: Any, before: Any, without: set[str], progress: Any, *, others: list[Any]) -> SimpleNamespace:
         asked.append(without)
         progress("search", 1.0)
         return SimpleNamespace(verdict=verdicts[len(asked) - 1], before="relieved")
 
     monkeypatch.setattr(explain, "search", search)
     shares: list[float] = []
-    base: Any = SimpleNamespace(fitted="base", others=["another"])
+    baseline: Any = SimpleNamespace(fitted="baseline", others=["another"])
     found = explain.explain(
         SimpleNamespace(),  # type: ignore[arg-type]
-        base,
+        baseline,
         measured,
         {"grasp_slip"},
         lambda stage, share: shares.append(share),

@@ -1,6 +1,7 @@
 """The house: rooms depend downhill, light rooms stay light, modules are small and say what they are."""
 
 import ast
+import importlib
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,7 @@ PACKAGE = Path(egophys_core.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 
-BASE = {"cores", "errors", "files", "geometry", "json_numbers", "options", "episode", "waypoint_plan"}
+BASE = {"cores", "errors", "files", "geometry", "json_numbers", "on_demand", "options", "episode", "waypoint_plan"}
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {
@@ -130,6 +131,14 @@ def test_importing_a_room_loads_neither_torch_nor_ros(room):
 @pytest.mark.parametrize("room", ["recording", "twin", "robot", "evaluation", "waypoint_plan"])
 def test_light_rooms_do_not_load_warp(room):
     assert "warp" not in modules_after_importing(f"egophys_core.{room}")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_public_name_of_a_room_is_there(room):
+    module = importlib.import_module(f"egophys_core.{room}")
+    assert all(hasattr(module, name) for name in getattr(module, "__all__", ()))
+    with pytest.raises(AttributeError, match="no_such_name"):
+        module.no_such_name  # noqa: B018
 
 
 def test_errors_of_this_project_have_one_base():

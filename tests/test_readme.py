@@ -24,7 +24,7 @@ def commands(start: str) -> list[str]:
 @pytest.mark.parametrize("command", commands("egophys "))
 def test_subcommands_parse_as_written(command):
     words = shlex.split(command, comments=True)[1:]
-    make_parser().parse_args([word.replace("...", "") for word in words])
+    make_parser(words[0]).parse_args([word.replace("...", "") for word in words])
 
 
 @pytest.mark.parametrize("command", commands("make "))

@@ -5,23 +5,17 @@ import dataclasses
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from egophys_core.cli.display import print_json, print_scores, progress_bar
-from egophys_core.cli.marker_arguments import add_marker_arguments, loads_from
+from egophys_core.cli.marker_arguments import MOST_MARKERS, add_marker_arguments, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.episode import Episode
 from egophys_core.errors import OptionsError
-from egophys_core.evaluation import Scores, baseline_scores
 from egophys_core.files import require_writable
-from egophys_core.identification import FitOptions, build_twin
-from egophys_core.identification.marker_fit import build_marker_twin
-from egophys_core.kinds.template import parse_template
-from egophys_core.observation import contact_flags, find_hands
-from egophys_core.observation.markers import MOST_MARKERS, is_sparse
-from egophys_core.twin import save_twin
+from egophys_core.identification.options import FitOptions
 
-NAME = "build"
-HELP = "Fit a twin to recorded episodes of one object and write it to a file."
+if TYPE_CHECKING:
+    from egophys_core.episode import Episode
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,8 +43,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
-    # OpenCV takes an eighth of a second to load; the other subcommands do without.
     from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, Source, is_video, load_episodes
+    from egophys_core.evaluation import Scores, baseline_scores
+    from egophys_core.identification import build_twin
+    from egophys_core.identification.marker_fit import build_marker_twin
+    from egophys_core.kinds.template import parse_template
+    from egophys_core.observation import contact_flags, find_hands
+    from egophys_core.twin import save_twin
 
     options = options_from(parsed, FitOptions)
     require_writable(parsed.out)
@@ -103,12 +102,14 @@ def run(parsed: argparse.Namespace) -> int:
     return 0
 
 
-def _of_markers(parsed: argparse.Namespace, episodes: Sequence[Episode]) -> bool:
+def _of_markers(parsed: argparse.Namespace, episodes: "Sequence[Episode]") -> bool:
     """Whether the episodes show an object at a few markers.
 
     Raises:
         OptionsError: they do not, and a template or a load is given.
     """
+    from egophys_core.observation.markers import is_sparse
+
     if all(is_sparse(each) for each in episodes):
         return True
     if parsed.template is not None or parsed.load:

@@ -3,28 +3,21 @@
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from, refuse_loads
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.diagnosis.diagnose import Finding, diagnose, diagnose_observed
-from egophys_core.diagnosis.diagnosis import Diagnosis, Outcome
-from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.diagnosis.problem import Progress
-from egophys_core.diagnosis.saving import EFFECT_TEXTS, require_new_folder, save_finding
-from egophys_core.effects import effect_named
-from egophys_core.episode import Episode
-from egophys_core.observation.markers import is_sparse
-from egophys_core.recording import read_episode
-from egophys_core.reporting import decision_in_words, figures, headline, millimetres, miss_in_words
-from egophys_core.twin import Twin, load_twin
 
-NAME = "diagnose"
-HELP = "Say what a twin lacks to predict recorded episodes, with the evidence, and write a better twin."
+if TYPE_CHECKING:
+    from egophys_core.diagnosis.diagnose import Finding
+    from egophys_core.diagnosis.diagnosis import Diagnosis
+    from egophys_core.diagnosis.problem import Progress
+    from egophys_core.episode import Episode
+    from egophys_core.twin import Twin
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,6 +57,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Diagnose, save and print."""
+    from egophys_core.diagnosis.diagnose import diagnose
+    from egophys_core.diagnosis.diagnosis import Outcome
+    from egophys_core.diagnosis.saving import require_new_folder, save_finding
+    from egophys_core.effects import effect_named
+    from egophys_core.observation.markers import is_sparse
+    from egophys_core.recording import read_episode
+    from egophys_core.twin import load_twin
+
     options = options_from(parsed, DiagnosisOptions)
     for name in parsed.without:
         effect_named(name)
@@ -91,14 +92,17 @@ def run(parsed: argparse.Namespace) -> int:
 
 def _diagnose_markers(
     parsed: argparse.Namespace,
-    twin: Twin,
-    episodes: Sequence[Episode],
-    others: Sequence[Episode],
+    twin: "Twin",
+    episodes: "Sequence[Episode]",
+    others: "Sequence[Episode]",
     loads: Mapping[str, float],
     options: DiagnosisOptions,
-    progress: Progress,
-) -> Finding:
+    progress: "Progress",
+) -> "Finding":
     """The diagnosis of an object that is seen at a few markers."""
+    from egophys_core.diagnosis.diagnose import diagnose_observed
+    from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
+
     fitted, reported = (
         [observe_markers(twin, each, load=loads.get(each.name, 0.0)) for each in group] for group in (episodes, others)
     )
@@ -114,7 +118,10 @@ def _diagnose_markers(
     )
 
 
-def _print_summary(diagnosis: Diagnosis) -> None:
+def _print_summary(diagnosis: "Diagnosis") -> None:
+    from egophys_core.diagnosis.saving import EFFECT_TEXTS
+    from egophys_core.reporting import headline
+
     content = diagnosis.as_dict()
     print(f"{diagnosis.outcome}: {headline(content, EFFECT_TEXTS)}")
     print(f"why: {diagnosis.reason}")
@@ -138,17 +145,23 @@ def _print_summary(diagnosis: Diagnosis) -> None:
 
 def _print_decision(decision: dict[str, Any]) -> None:
     """Which criterion made the outcome of the last search, and, where it named nothing, what came nearest."""
+    from egophys_core.reporting import decision_in_words, miss_in_words
+
     print(f"decided: {decision_in_words(decision)}")
     for each in decision["nearest_misses"]:
         print(f"  nearest miss: {miss_in_words(each)}")
 
 
 def _parameter(name: str, estimate: dict[str, Any]) -> tuple[str, ...]:
+    from egophys_core.reporting import figures
+
     low, high = estimate["ci95"]
     return name, figures(estimate["value"]), f"{figures(low)} .. {figures(high)}", estimate["unit"]
 
 
 def _error(error: dict[str, Any]) -> tuple[str, ...]:
+    from egophys_core.reporting import millimetres
+
     names = ("track_before_m", "track_after_m", "last_residual_track_m", "chamfer_before_m", "chamfer_after_m")
     fitted = "fitted" if error["fitted"] else "new"
     return f"{escape(error['episode'])} ({fitted})", *(millimetres(error[name]) for name in names)

@@ -3,11 +3,15 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from egophys_core.episode import Episode
 from egophys_core.errors import OptionsError
-from egophys_core.identification.marker_fit import DENSITY
-from egophys_core.observation.markers import MOST_MARKERS, is_sparse
+
+if TYPE_CHECKING:
+    from egophys_core.episode import Episode
+
+DENSITY, MOST_MARKERS = 1000.0, 12
+"""Those of `build_marker_twin` and of `is_sparse`, which are not loaded for `--help`."""
 
 
 def add_marker_arguments(parser: argparse.ArgumentParser) -> None:
@@ -53,12 +57,14 @@ def loads_from(given: Sequence[str], names: Sequence[str]) -> dict[str, float]:
     return loads
 
 
-def load_of(given: Sequence[str], episode: Episode) -> float:
+def load_of(given: Sequence[str], episode: "Episode") -> float:
     """Newtons that hang in one episode, 0 unless said.
 
     Raises:
         OptionsError: of a wrong form, or for an object that is seen all over.
     """
+    from egophys_core.observation.markers import is_sparse
+
     if not is_sparse(episode):
         refuse_loads(given)
     return loads_from(given, [episode.name]).get(episode.name, 0.0)

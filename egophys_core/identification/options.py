@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TYPE_CHECKING
 
 from egophys_core.options import choice, number, validate
-from egophys_core.twin import ObjectKind
+
+if TYPE_CHECKING:
+    from egophys_core.twin import ObjectKind
 
 
 class KindChoice(StrEnum):
@@ -15,8 +18,11 @@ class KindChoice(StrEnum):
     SOLID = "solid"
 
     @property
-    def kind(self) -> ObjectKind | None:
+    def kind(self) -> "ObjectKind | None":
         """The kind, or None to find it from the shape."""
+        # The twin loads scipy, which the options, read for every `--help`, do without.
+        from egophys_core.twin import ObjectKind
+
         return None if self is KindChoice.AUTO else ObjectKind(self.value)
 
 

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from egophys_core import rehearsal
 from egophys_core.cli import rehearse as command
 from egophys_core.errors import OptionsError, OutputError, SimulationError
 from egophys_core.recording import read_episode
@@ -66,14 +67,14 @@ def test_what_is_there_is_not_overwritten(tmp_path):
 
 
 def test_a_failure_on_the_way_leaves_nothing(tmp_path, monkeypatch):
-    rehearse = command.rehearse_episode
+    rehearse = rehearsal.rehearse
 
     def fail_second(options, motion, **rest):
         if motion == "pull":
             raise SimulationError("diverged")
         return rehearse(options, motion, **rest)
 
-    monkeypatch.setattr(command, "rehearse_episode", fail_second)
+    monkeypatch.setattr(rehearsal, "rehearse", fail_second)
     with pytest.raises(SimulationError):
         run("--out", tmp_path / "x", "--motions", "lift", "pull", *SHORT)
     assert not list(tmp_path.iterdir())

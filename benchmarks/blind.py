@@ -9,7 +9,7 @@ from benchmarks.provenance import commit
 from egophys_core.diagnosis.diagnose import diagnose, fitted_and_validation
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.files import write_json
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.recording import read_episode
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
@@ -31,7 +31,7 @@ def measure(folder: Path) -> dict[str, Any]:
     told = TOLD[folder.parent.name]
     fitted, _ = fitted_and_validation(episodes[:told])
     started = time.monotonic()
-    twin = build_twin(fitted, FIT, seed=0)
+    twin = build(fitted, FIT, seed=0)
     building = time.monotonic() - started
     found = diagnose(twin, episodes[:told], DiagnosisOptions(), report_on=episodes[told:]).diagnosis
     return {**found.as_dict(), "build_seconds": building, "commit": commit()}

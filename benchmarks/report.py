@@ -22,7 +22,7 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any], Mapping[str, str]], str]]
     "towel": ("towel", tables.towel_table),
     "accuracy": ("physics", tables.accuracy_table),
     "diagnoses": ("diagnoses", tables.diagnoses_table),
-    "planted": ("planted", confusion_table),
+    "injected": ("injected", confusion_table),
     "beam": ("beam", tables.beam_table),
     "cable": ("cable", tables.cable_table),
     "cost": ("cost", tables.cost_table),

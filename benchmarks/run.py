@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks import beam, blind, cable, cost, perception, physics, planted, towel
+from benchmarks import beam, blind, cable, cost, injected, perception, physics, towel
 from benchmarks.provenance import commit, machine
 from benchmarks.report import RESULTS, renew
 from egophys_core.files import write_json
@@ -18,7 +18,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "physics": physics.run,
     "towel": towel.run,
     "perception": perception.run,
-    "planted": planted.run,
+    "injected": injected.run,
     "diagnoses": blind.run,
     "beam": beam.run,
     "cable": cable.run,

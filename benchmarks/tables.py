@@ -114,7 +114,7 @@ def cable_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
     rows = []
     for name, row in result["cables"].items():
         outcome = f"{row['outcome']}: {named(row['effects'])}" if row["effects"] else row["outcome"]
-        injected = ", ".join([name, *(f"{number} {value:g}" for number, value in row["planted"].items())])
+        injected = ", ".join([name, *(f"{number} {value:g}" for number, value in row["injected"].items())])
         seconds = f"{row['build_seconds'] + row['diagnose_seconds']:.0f}"
         lines = []
         for index, (motion, errors) in enumerate(row["rmse_m"].items()):

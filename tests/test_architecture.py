@@ -14,7 +14,19 @@ PACKAGE = Path(egophys_core.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 
-BASE = {"cores", "errors", "files", "geometry", "json_numbers", "on_demand", "options", "episode", "waypoint_plan"}
+BASE = {
+    "constants",
+    "cores",
+    "errors",
+    "files",
+    "geometry",
+    "interpolation",
+    "json_numbers",
+    "on_demand",
+    "options",
+    "episode",
+    "waypoint_plan",
+}
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {
@@ -26,8 +38,8 @@ MAY_USE: dict[str, set[str]] = {
     "rehearsal": set(),
     "perception": {"recording"},
     "twin": {"effects"},
-    "simulation": {"twin", "effects"},
-    "kinds": {"twin"},
+    "simulation": {"kinds", "twin", "effects"},
+    "kinds": {"twin", "effects"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
     "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
     "diagnosis": {
@@ -42,7 +54,7 @@ MAY_USE: dict[str, set[str]] = {
     },
     "planning": {"twin", "simulation", "evaluation"},
     "episode_source": {"recording", "perception"},
-    "replay": {"recording", "twin", "identification", "observation", "planning"},
+    "replay": {"recording", "twin", "identification", "planning"},
     "cli": {
         "episode_source",
         "recording",
@@ -126,6 +138,39 @@ def test_module_says_what_it_is_and_is_small(path):
 def test_importing_a_room_loads_neither_torch_nor_ros(room):
     name = "egophys_core.cli.main" if room == "cli" else f"egophys_core.{room}"
     assert not modules_after_importing(name).intersection(HEAVY)
+
+
+MAY_NAME_KINDS = {
+    "perception/options.py": "what users choose of a video, by the same names; no twin is made of it there",
+    "rehearsal/options.py": "the bodies of a world that knows nothing of twins",
+    "cli/rehearse.py": "the same",
+}
+"""Modules outside of `kinds` that say a kind's name, and why."""
+
+
+def names_of_kinds_in(path: Path) -> list[str]:
+    """Where a module says the name of a kind, other than to say in which kinds an effect is common."""
+    names = {module.stem for module in (PACKAGE / "kinds").glob("*.py") if "KIND = Kind(" in module.read_text()}
+    tree = ast.parse(path.read_text())
+    free = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.keyword) and node.arg == "common_in"
+        for inner in ast.walk(node)
+    }
+    return [
+        f"line {node.lineno}: {node.value!r}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and node.value in names and id(node) not in free
+    ]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_module_outside_of_kinds_names_one(path):
+    """All that differs by kind is asked of the kind: a new one is one file and one line."""
+    where = path.relative_to(PACKAGE).as_posix()
+    if path.parent.name != "kinds" and where not in MAY_NAME_KINDS:
+        assert not names_of_kinds_in(path)
 
 
 @pytest.mark.parametrize("room", ["recording", "twin", "robot", "evaluation", "waypoint_plan"])

@@ -1,23 +1,18 @@
 """`egophys diagnose TWIN EPISODE... --out DIR`."""
 
 import argparse
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
 from egophys_core.cli.display import print_json, print_table, progress_bar
-from egophys_core.cli.marker_arguments import add_load_argument, loads_from, refuse_loads
+from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.diagnosis.options import DiagnosisOptions
 
 if TYPE_CHECKING:
-    from egophys_core.diagnosis.diagnose import Finding
     from egophys_core.diagnosis.diagnosis import Diagnosis
-    from egophys_core.diagnosis.problem import Progress
-    from egophys_core.episode import Episode
-    from egophys_core.twin import Twin
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +56,6 @@ def run(parsed: argparse.Namespace) -> int:
     from egophys_core.diagnosis.diagnosis import Outcome
     from egophys_core.diagnosis.saving import require_new_folder, save_finding
     from egophys_core.effects import effect_named
-    from egophys_core.observation.markers import is_sparse
     from egophys_core.recording import read_episode
     from egophys_core.twin import load_twin
 
@@ -72,14 +66,16 @@ def run(parsed: argparse.Namespace) -> int:
     twin = load_twin(parsed.twin)
     episodes, others = ([read_episode(path) for path in paths] for paths in (parsed.episodes, parsed.report_on))
     with progress_bar() as report:
-        if all(is_sparse(each) for each in (*episodes, *others)):
-            loads = loads_from(parsed.load, [each.name for each in (*episodes, *others)])
-            finding = _diagnose_markers(parsed, twin, episodes, others, loads, options, report)
-        else:
-            refuse_loads(parsed.load)
-            finding = diagnose(
-                twin, episodes, options, report_on=others, without=parsed.without, seed=parsed.seed, progress=report
-            )
+        finding = diagnose(
+            twin,
+            episodes,
+            options,
+            loads=loads_from(parsed.load, [each.name for each in (*episodes, *others)]),
+            report_on=others,
+            without=parsed.without,
+            seed=parsed.seed,
+            progress=report,
+        )
     files = save_finding(finding, parsed.out)
     diagnosis = finding.diagnosis
     if parsed.json:
@@ -88,34 +84,6 @@ def run(parsed: argparse.Namespace) -> int:
         _print_summary(diagnosis)
         print(f"improved twin {finding.twin.twin_id} in {files['twin']}; look at {files['report']}")
     return 0 if diagnosis.outcome == Outcome.NONE else 1
-
-
-def _diagnose_markers(
-    parsed: argparse.Namespace,
-    twin: "Twin",
-    episodes: "Sequence[Episode]",
-    others: "Sequence[Episode]",
-    loads: Mapping[str, float],
-    options: DiagnosisOptions,
-    progress: "Progress",
-) -> "Finding":
-    """The diagnosis of an object that is seen at a few markers."""
-    from egophys_core.diagnosis.diagnose import diagnose_observed
-    from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
-
-    fitted, reported = (
-        [observe_markers(twin, each, load=loads.get(each.name, 0.0)) for each in group] for group in (episodes, others)
-    )
-    unidentifiable = unidentifiable_effects(twin.model.kind, fitted)
-    return diagnose_observed(
-        twin,
-        fitted,
-        options,
-        report_on=reported,
-        without=(*parsed.without, *unidentifiable),
-        seed=parsed.seed,
-        progress=progress,
-    )
 
 
 def _print_summary(diagnosis: "Diagnosis") -> None:

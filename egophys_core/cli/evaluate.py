@@ -23,14 +23,15 @@ def run(parsed: argparse.Namespace) -> int:
     """Evaluate and print."""
     from egophys_core.evaluation import baseline_scores, score
     from egophys_core.identification import predict
-    from egophys_core.observation import observed_contacts, place_twin
+    from egophys_core.observation import observe_episode, place_twin
     from egophys_core.recording import read_episode
     from egophys_core.twin import load_twin
 
     twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
-    problem = place_twin(twin, episode, load=load_of(parsed.load, episode))
+    observed = observe_episode(episode, load=load_of(parsed.load, episode.name))
+    problem = place_twin(twin, observed)
     scores = score(predict(twin.model, problem), twin.model.graph.surface, problem.episode)
-    baselines = baseline_scores(problem.episode, observed_contacts(problem))
+    baselines = baseline_scores(observed.episode, observed.contact)
     if parsed.json:
         print_json(
             {

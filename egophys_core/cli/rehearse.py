@@ -106,10 +106,10 @@ def run(parsed: argparse.Namespace) -> int:
 
 def _effects(parsed: argparse.Namespace) -> dict[str, dict[str, float]]:
     """What to inject, with every parameter."""
-    from egophys_core.rehearsal import complete_effects, planted_sizes
+    from egophys_core.rehearsal import complete_effects, injected_sizes
 
     names = [] if parsed.effect == ["none"] else parsed.effect
-    effects = {name: planted_sizes(name)[parsed.size] for name in names}
+    effects = {name: injected_sizes(name)[parsed.size] for name in names}
     for assignment in parsed.parameter:
         place, _, value = assignment.partition("=")
         effect, _, parameter = place.rpartition(".")
@@ -139,7 +139,7 @@ def _truth(
     parsed: argparse.Namespace, options: RehearsalOptions, effects: dict[str, dict[str, float]]
 ) -> dict[str, Any]:
     """What is in the episodes, for whoever judges a diagnosis of them."""
-    from egophys_core.rehearsal import PLANTS
+    from egophys_core.rehearsal import INJECTABLE
 
     return {
         "object": str(options.object),
@@ -147,8 +147,10 @@ def _truth(
         "effects": [
             {
                 "name": name,
-                "equation": PLANTS[name].equation,
-                "parameters": {key: {"value": value, "unit": PLANTS[name].units[key]} for key, value in values.items()},
+                "equation": INJECTABLE[name].equation,
+                "parameters": {
+                    key: {"value": value, "unit": INJECTABLE[name].units[key]} for key, value in values.items()
+                },
             }
             for name, values in effects.items()
         ],

@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Replay and compare."""
-    from egophys_core.replay import Outcome, replay_log
+    from egophys_core.replay import ReplayOutcome, replay_log
 
     with progress_bar() as report:
         comparisons = replay_log(
@@ -37,4 +37,4 @@ def run(parsed: argparse.Namespace) -> int:
             ("step", "outcome", "detail"),
             [(each.step, str(each.outcome), each.detail) for each in comparisons],
         )
-    return 1 if any(each.outcome == Outcome.DIFFERENT for each in comparisons) else 0
+    return 1 if any(each.outcome == ReplayOutcome.DIFFERENT for each in comparisons) else 0

@@ -25,7 +25,7 @@ def run(parsed: argparse.Namespace) -> int:
     from egophys_core.twin import load_twin
 
     twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
-    problem = place_twin(twin, episode, load=load_of(parsed.load, episode))
+    problem = place_twin(twin, episode, load=load_of(parsed.load, episode.name))
     surface = predict(twin.model, problem)[:, twin.model.graph.surface]
     prediction = replace(
         problem.episode,

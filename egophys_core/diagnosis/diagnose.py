@@ -1,7 +1,7 @@
 """Diagnosis: from a twin and episodes of its object to what it lacks, and a better twin."""
 
 import time
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from typing import TypeVar
@@ -14,6 +14,7 @@ from egophys_core.diagnosis.direct.measure import MeasuredEffect, measure
 from egophys_core.diagnosis.evidence.baseline_twin import baseline_beside, fit_baseline, follows
 from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_error, free_errors
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe, track_offsets
 from egophys_core.diagnosis.evidence.where import where
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
@@ -25,8 +26,10 @@ from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import episode_digest
+from egophys_core.kinds import kind_of
+from egophys_core.observation import AnyEpisode, ObservedEpisode, observe_episodes
 from egophys_core.options import to_mapping
-from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
+from egophys_core.twin import ObjectModel, Provenance, Twin
 
 Item = TypeVar("Item")
 
@@ -56,10 +59,11 @@ class Finding:
 
 def diagnose(
     twin: Twin,
-    episodes: Sequence[Episode],
+    episodes: Sequence[AnyEpisode],
     options: DiagnosisOptions,
     *,
-    report_on: Sequence[Episode] = (),
+    loads: Mapping[str, float] | None = None,
+    report_on: Sequence[AnyEpisode] = (),
     without: Collection[str] = (),
     seed: int = 0,
     progress: Progress = lambda stage, share: None,
@@ -68,42 +72,47 @@ def diagnose(
 
     Args:
         episodes: two motions or more, to tell the object from the motion. Of three or more the last third is not
-            fitted: what is named has to show there, too.
+            fitted: what is named has to show there, too. As recorded, or observed already (`observe_episodes`, which
+            then takes the loads).
+        loads: N that hang at the free end of an object that is seen at a few markers, by name of the episode.
         report_on: further episodes of the object, which have no part in what is found: errors are reported on them.
         without: effects of the library to leave out.
         seed: of surrogates and resamples.
         progress: called with stage and share done.
 
     Raises:
-        EpisodeError: in an episode no hand moves the object.
+        EpisodeError: in an episode no hand moves the object, or it is another one.
+        OptionsError: a load for no episode, or on what is seen all over.
         DiscrepancyError: no episode, or one that is too short to say anything.
         TwinError: `without` names no effect.
     """
     if not episodes:
         raise DiscrepancyError("no episode given; a diagnosis compares a twin with at least one, better two motions")
-    _require_distinct([*episodes, *report_on])
     progress("observe", 0.0)
-    model = replace(twin.model, effects=())
-    return diagnose_observed(
+    looked_at = observe_episodes([*episodes, *report_on], loads)
+    _require_distinct([each.source for each in looked_at])
+    found = [_observed(twin, each) for each in looked_at]
+    fitted, others = found[: len(episodes)], found[len(episodes) :]
+    return _diagnose_observed(
         twin,
-        [_observed(model, episode) for episode in episodes],
+        fitted,
         options,
-        report_on=[_observed(model, episode) for episode in report_on],
-        without=without,
+        report_on=others,
+        without=(*without, *unidentifiable_effects(kind_of(twin.model), fitted)),
         seed=seed,
         progress=progress,
     )
 
 
-def diagnose_observed(
+def _diagnose_observed(
     twin: Twin,
     observations: Sequence[TrackedEpisode],
     options: DiagnosisOptions,
     *,
-    report_on: Sequence[TrackedEpisode] = (),
-    without: Collection[str] = (),
-    seed: int = 0,
-    progress: Progress = lambda stage, share: None,
+    report_on: Sequence[TrackedEpisode],
+    without: Collection[str],
+    seed: int,
+    progress: Progress,
 ) -> Finding:
     """As `diagnose`, from episodes in which the twin has its place already."""
     started = time.monotonic()
@@ -119,7 +128,7 @@ def diagnose_observed(
     measured = measure(
         observations,
         validation,
-        lies_flat=model.kind == ObjectKind.SHEET,
+        lies_flat=kind_of(model).lies_flat,
         without=without,
         resamples=options.bootstraps,
         seed=seed,
@@ -193,13 +202,15 @@ def _require_distinct(episodes: Sequence[Episode]) -> None:
                 )
 
 
-def _observed(model: ObjectModel, episode: Episode) -> TrackedEpisode:
+def _observed(twin: Twin, observed: ObservedEpisode) -> TrackedEpisode:
     """The twin in an episode that lasts long enough.
 
     Raises:
         DiscrepancyError: too little handling.
     """
-    observation = observe(model, episode)
+    if observed.is_sparse:
+        return observe_markers(twin, observed)
+    episode, observation = observed.episode, observe(replace(twin.model, effects=()), observed)
     handled = float(episode.times[-1] - episode.times[observation.touched])
     if handled < LEAST_MOTION_S:
         raise DiscrepancyError(

@@ -46,7 +46,7 @@ EFFECT = Effect(
         needs=frozenset({Need.SPRINGS}),
         measured_by=Measurement.RING_DOWN,
         degenerate_parameter="time",
-        common_in=frozenset({"clamped solid"}),
+        common_in=frozenset({"lattice"}),
     ),
     starts=starts,
     load=load,

@@ -14,7 +14,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.background_motion import background_poses
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, doubt_intrinsics
+from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, intrinsics_warning
 from egophys_core.perception.camera.lens import FullView, SquareView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
 from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC, Video, VideoWarning, open_video
@@ -243,7 +243,7 @@ def _find_poses(
         return _poses_from_table(video, full, stamps_ns, reasons, options)
     track = track_poses(stamps_ns, poses)
     inferred, lost = int(track.inferred.sum()), int((~track.known).sum())
-    notes = [note for note in (doubt_intrinsics(found),) if note]
+    notes = [note for note in (intrinsics_warning(found),) if note]
     if inferred or lost:
         notes.append(
             f"camera pose: {inferred} of {len(poses)} interpolated over gaps of at most {LONGEST_FILLED_GAP_S} s, "

@@ -11,13 +11,13 @@ import numpy as np
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
+from egophys_core.geometry import farthest_points
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import Completer, PointMapper, Segmenter, Tracker, View
 from egophys_core.perception.surface.lifting import LiftOptions, lift
 from egophys_core.perception.surface.track_filter import (
     above_ground,
     consistent_motion,
-    farthest_points,
     mask_hits,
     stays_in_mask,
     visible_throughout,

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.episode import Episode
+from egophys_core.geometry import farthest_points
 from egophys_core.perception.episode_assembly import INFERRED_CONFIDENCE
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import ObjectKind, PerceptionOptions
@@ -14,7 +15,6 @@ from egophys_core.perception.staged import StageSet, episode_from_stages
 from egophys_core.perception.stages import Completer, Masks, Segmenter, View
 from egophys_core.perception.surface.rest_surface import FLATTEST_M
 from egophys_core.perception.surface.surface_render import project
-from egophys_core.perception.surface.track_filter import farthest_points
 
 Views = Callable[[], Iterable[View]]
 

@@ -1,4 +1,4 @@
-"""A world that is not ours: soft bodies in MuJoCo, handled by scripted hands, with any effect planted."""
+"""A world that is not ours: soft bodies in MuJoCo, handled by scripted hands, with any effect injected."""
 
 from typing import TYPE_CHECKING
 
@@ -6,20 +6,20 @@ from egophys_core.on_demand import names_on_demand
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
 
 if TYPE_CHECKING:
+    from egophys_core.rehearsal.injection import INJECTABLE, InjectableEffect, complete_effects, injected_sizes
     from egophys_core.rehearsal.live import RehearsalWorld
-    from egophys_core.rehearsal.planting import PLANTS, Plant, complete_effects, planted_sizes
     from egophys_core.rehearsal.world import rehearse
 
 __all__ = [
-    "PLANTS",
+    "INJECTABLE",
+    "InjectableEffect",
     "Motion",
-    "Plant",
     "RehearsalObject",
     "RehearsalOptions",
     "RehearsalWorld",
     "complete_effects",
-    "planted_sizes",
+    "injected_sizes",
     "rehearse",
 ]
 
-__getattr__ = names_on_demand(__name__, "live", "planting", "world")
+__getattr__ = names_on_demand(__name__, "live", "injection", "world")

@@ -5,41 +5,45 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from egophys_core.reporting.diagnosis_words import join
-from egophys_core.reporting.html_page import Markup, element, table
+from egophys_core.reporting.html_page import Table
 
 PASSED, FAILED, NOT_ASKED = "passed", "failed", "not asked"
 
 
-def why_this_outcome(content: Mapping[str, Any]) -> list[Markup]:
+def why_this_outcome(content: Mapping[str, Any]) -> dict[str, Any]:
     """The deciding criterion of each search, the nearest misses, and all criteria of all candidates.
 
     Args:
         content: of `diagnosis.json`.
+
+    Returns:
+        What the template asks for: decisions, and the tables standing and criteria.
     """
-    parts = [element("h2", "Why this outcome")]
-    for decision in content["decisions"]:
-        parts += _decision(decision)
-    rows = [[each["name"], _standing(each["criteria"]), *_lists(each["criteria"])] for each in content["candidates"]]
-    every = [
-        [each["name"], _label(result), result["name"], result["sentence"]]
-        for each in content["candidates"]
-        for result in each["criteria"]
-    ]
-    return [
-        *parts,
-        element(
-            "p",
-            "What every effect of the library was held against: one that was refitted, or measured directly, has to "
-            "pass all of its criteria; the others show what kept them from a refit.",
-            class_="quiet",
+    candidates = content["candidates"]
+    return {
+        "decisions": [
+            {
+                "words": decision_in_words(each),
+                "rule": each["rule"],
+                "misses": [miss_in_words(miss) for miss in each["nearest_misses"]],
+            }
+            for each in content["decisions"]
+        ],
+        "standing": Table(
+            header=("effect", "", "failed", "passed"),
+            rows=[[each["name"], _standing(each["criteria"]), *_lists(each["criteria"])] for each in candidates],
+            kinds=("", "text", "text", "text"),
         ),
-        table(("effect", "", "failed", "passed"), rows, kinds=("", "text", "text", "text")),
-        element(
-            "details",
-            element("summary", "Every criterion with its numbers"),
-            table(("effect", "", "criterion", "found and asked"), every, kinds=("", "text", "text", "text")),
+        "criteria": Table(
+            header=("effect", "", "criterion", "found and asked"),
+            rows=[
+                [each["name"], _label(result), result["name"], result["sentence"]]
+                for each in candidates
+                for result in each["criteria"]
+            ],
+            kinds=("", "text", "text", "text"),
         ),
-    ]
+    }
 
 
 def decision_in_words(decision: Mapping[str, Any]) -> str:
@@ -52,14 +56,6 @@ def decision_in_words(decision: Mapping[str, Any]) -> str:
 def miss_in_words(miss: Mapping[str, Any]) -> str:
     """A candidate and the criteria that it failed, with their numbers."""
     return f"{miss['candidate']}: {'; '.join(each['sentence'] for each in miss['failed'])}"
-
-
-def _decision(decision: Mapping[str, Any]) -> list[Markup]:
-    parts = [element("p", decision_in_words(decision), " (rule ", element("code", decision["rule"]), ")")]
-    misses = [element("li", miss_in_words(each)) for each in decision["nearest_misses"]]
-    if misses:
-        parts += [element("p", "What came nearest, and what it failed:"), element("ul", *misses)]
-    return parts
 
 
 def _standing(criteria: Sequence[Mapping[str, Any]]) -> str:

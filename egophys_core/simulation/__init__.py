@@ -8,7 +8,6 @@ from egophys_core.simulation.model_batch import batch_of_models, spring_order
 from egophys_core.simulation.rollout import Rollout, rollout
 from egophys_core.simulation.terms.force_effect import ForceEffect
 from egophys_core.simulation.terms.loads import with_actions
-from egophys_core.simulation.terms.rod_bending import longest_retardation
 
 __all__ = [
     "LANES",
@@ -19,7 +18,6 @@ __all__ = [
     "RolloutBatch",
     "batch_of_models",
     "into_world",
-    "longest_retardation",
     "rollout",
     "spring_order",
     "with_actions",

@@ -9,6 +9,7 @@ import numpy as np
 from egophys_core.effects import effect_named
 from egophys_core.effects.effect import Action, Body
 from egophys_core.errors import SimulationError
+from egophys_core.kinds import kind_of, node_masses, resting_height
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.frames import into_world, into_world_directions
@@ -16,7 +17,7 @@ from egophys_core.simulation.terms.force_effect import ForceEffect
 from egophys_core.simulation.terms.loads import with_actions
 from egophys_core.simulation.terms.rod_bending import rod_bending
 from egophys_core.simulation.terms.springs import UNLIMITED
-from egophys_core.twin import ObjectKind, ObjectModel, SpringKind, resting_height
+from egophys_core.twin import ObjectModel, SpringKind
 
 SAME_PLACE = 1e-4
 """Metres between a node and the controller point that holds it."""
@@ -37,9 +38,10 @@ def batch_of_models(
         velocities: per model [N, 3] m/s there; by default, and where None, it is at rest.
     """
     first = models[0]
-    nodes = len(first.graph.positions)
+    nodes, kind = len(first.graph.positions), kind_of(first)
     for model in models:
-        if len(model.graph.positions) != nodes or model.kind != first.kind:
+        kind.require_graph(model.graph)
+        if len(model.graph.positions) != nodes or kind_of(model) is not kind:
             raise SimulationError("a batch needs models of one object: the same kind and number of nodes")
     positions = [model.graph.positions for model in models] if starts is None else list(starts)
     at_rest = np.zeros((nodes, 3))
@@ -85,7 +87,7 @@ def batch_of_models(
         ),
         controls=tuple(_driven(model, each) for model, each in zip(models, controls, strict=True)),
         effects=_bending(models, masses, np.stack(positions), controls),
-        flat=first.kind == ObjectKind.SHEET,
+        flat=kind.lies_flat,
         ground_height=ground_height,
         frames=frames,
     )
@@ -96,7 +98,7 @@ def _bending(
     models: Sequence[ObjectModel], masses: np.ndarray, starts: np.ndarray, controls: Sequence[Controls]
 ) -> tuple[ForceEffect, ...]:
     """What rods of masses [K, N] kg that begin at starts [K, N, 3], metres, resist besides being stretched."""
-    if models[0].kind != ObjectKind.ROD:
+    if not kind_of(models[0]).is_line:
         return ()
     lengths = np.stack([model.graph.rest_lengths for model in models])
     far_clamps = [_holds(each, start[-1]) for each, start in zip(controls, starts, strict=True)]
@@ -129,7 +131,7 @@ def _body(model: ObjectModel, start: np.ndarray) -> Body:
     body = Body(
         positions=start.astype(np.float64),
         rest_positions=graph.positions.astype(np.float64),
-        masses=model.node_masses.astype(np.float64),
+        masses=node_masses(model).astype(np.float64),
         springs=graph.springs,
         bending=graph.kinds == SpringKind.BENDING,
         stiffness=model.stiffness.astype(np.float64),
@@ -150,7 +152,7 @@ def _frame(model: ObjectModel) -> np.ndarray:
     if turned:
         frame[:3, :3] = turned[0]
         rest = model.graph.positions.astype(np.float64)
-        rise = resting_height(model.kind, rest) - resting_height(model.kind, into_world(rest, frame))
+        rise = resting_height(model, rest) - resting_height(model, into_world(rest, frame))
         frame[:3, 3] = -rise * frame[:3, 2]
     return frame
 

@@ -184,7 +184,7 @@ def test_stop_by_the_user_is_no_error_and_writes_nothing(egophys, episode_bag, t
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("egophys_core.identification.build_twin", stopped)
+    monkeypatch.setattr("egophys_core.identification.build", stopped)
     code, out, err = egophys("build", episode_bag, "--out", tmp_path / "t.twin")
     assert (code, out) == (130, "")
     assert "stopped" in err

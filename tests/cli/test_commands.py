@@ -15,12 +15,9 @@ import pytest
 import egophys_core.cli
 from egophys_core import __version__
 from egophys_core.cli import import_vrs as import_vrs_command
-from egophys_core.cli import marker_arguments
 from egophys_core.cli import replay as replay_command
 from egophys_core.cli.main import SUBCOMMANDS
-from egophys_core.identification import FitOptions, build_twin, coarse
-from egophys_core.identification.marker_fit import build_marker_twin
-from egophys_core.observation import markers
+from egophys_core.identification import FitOptions, build, coarse
 from egophys_core.recording import read_episode
 from egophys_core.recording.vrs import import_vrs
 from egophys_core.replay import replay_log
@@ -87,8 +84,6 @@ def test_defaults_that_help_shows_are_those_of_the_library():
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 
-    assert default(build_marker_twin, "density") == marker_arguments.DENSITY
-    assert markers.MOST_MARKERS == marker_arguments.MOST_MARKERS
     assert default(import_vrs, "camera") == import_vrs_command.CAMERA_LABEL
     assert default(replay_log, "twin_node") == replay_command.TWIN_NODE
     assert default(replay_log, "planner_node") == replay_command.PLANNER_NODE
@@ -107,7 +102,7 @@ def test_every_option_has_a_description(egophys, name):
 
 def test_built_twin_is_that_of_the_library(twin_file, episode_bag):
     options = FitOptions(generations=2, population=4, frame_stride=6, dense_steps=1)
-    assert twin_file.read_bytes() == encode_twin(build_twin([read_episode(episode_bag)], options, seed=0))
+    assert twin_file.read_bytes() == encode_twin(build([read_episode(episode_bag)], options, seed=0))
 
 
 def test_build_tells_scores_of_twin_and_baselines(egophys_json, episode_bag, tmp_path):

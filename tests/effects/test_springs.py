@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from egophys_core.effects.hysteresis import followed
+from egophys_core.kinds import node_masses
 from tests.effects.situations import (
     FRAME,
     adapted,
@@ -156,4 +157,4 @@ def test_a_lump_far_from_the_object_is_in_its_nearest_node():
     masses = adapted(sheet(), "uneven_mass", **lump).masses
     assert np.isfinite(masses).all()
     assert masses.max() == pytest.approx(17 / 16 * masses.sum() / 2, rel=1e-3)
-    assert masses.sum() == pytest.approx(sheet().node_masses.sum())
+    assert masses.sum() == pytest.approx(node_masses(sheet()).sum())

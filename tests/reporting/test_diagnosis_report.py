@@ -164,8 +164,9 @@ def test_every_text_is_escaped():
     )
     text = write(diagnosis, make_evidence((bad,)))
     assert "<script" not in text
-    assert "&lt;script&gt;alert(&quot;$x_1$ &amp; more&quot;)&lt;/script&gt;" in text
-    assert "script" not in Reader(text).tags
+    read_back = Reader(text)
+    assert "script" not in read_back.tags
+    assert sum(bad in each for each in read_back.text) > 10
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 
 from egophys_core.episode import Episode
 from egophys_core.observation.clamps import stands_still
-from egophys_core.observation.markers import find_onset
+from egophys_core.observation.marker_record import find_onset
 
 LEAST_CROSSINGS = 6
 """Times that a ring-down passes its middle, at least: fewer do not tell how fast it is."""

@@ -7,46 +7,19 @@ beside the twin's own, and the best is refitted.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.diagnosis.evidence.refit import Fitted, refit, refit_from, refit_further, residual_scale, robust_loss
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
-from egophys_core.identification.search_space import build_graph
-from egophys_core.kinds.rest_shape import RestShape
-from egophys_core.twin import ObjectKind, ObjectModel, per_kind
-from egophys_core.twin.statics import without_sag
-
-OBJECT_RADII = {ObjectKind.SHEET: (1.5, 2.0, 2.5), ObjectKind.SOLID: (2.0, 2.5, 3.0)}
-GRASP_RADII = (1.0, 2.0, 3.0)
-"""In units of the node spacing."""
-
-NEIGHBOURS = 24
-GRASP_NEIGHBOURS = 60
-"""Springs that a node, and a controller point, asks for: all within the radius."""
-
-STIFFNESS_RATE = {ObjectKind.SHEET: 5e4, ObjectKind.SOLID: 2e5}
-"""Of a structural spring over node mass at twice the spacing, 1/s^2: stiff, as cloth and toys are."""
-
-SOFTER = (1.0, 0.25)
-"""Times that stiffness at which a variant may begin."""
-
-BENDING_RATIOS = {ObjectKind.SHEET: (0.03, 0.3), ObjectKind.SOLID: (0.03,)}
-"""Stiffness of bending springs over that of the others at which a variant may begin: limp cloth, and felt."""
-
-COMPRESSION_RATIO = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 1.0}
-"""Of the stiffness of a spring, left when it is pressed, at which a variant begins: cloth wrinkles between nodes."""
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel
 
 FIRST_STEPS, LATER_STEPS = 3, 5
 """Steps by which the starts are refitted at first, and those of the better half of them, again and again while more
 than one is left. Where they begin says little of where they end: a toy's own twin, fitted before, began at 986 and
 ended at 615; the third one began at 1283 and ended at 337. Of six starts of two rehearsed sheets the sixth won."""
-
-DAMPING_RATE = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 3.0}
-"""1/s."""
 
 LOST = 5.0
 """Times its residuals in what was fitted from which a twin has lost another episode: a toy that was pushed over lay
@@ -71,23 +44,16 @@ def fit_baseline(
         starts: so many, those with the least residuals, are refitted.
         iterations: most steps of the last refit, that of the best.
     """
-    clamped = observations[0].free
-    own = [model] if clamped else [model, without_sag(model) if model.kind == ObjectKind.SOLID else _wrinkling(model)]
-    # What is seen at a few markers has the graph of its template, and deflects as its springs say.
-    models = own if clamped else [*own, *variants(model)]
+    kind = kind_of(model)
+    own = [model, *kind.otherwise_at_rest(model)]
+    models = [*own, *kind.variants(model)]
     found = residuals(observations, models)
     scale = residual_scale(observations, [each[0] for each in found])
     losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
     order = np.argsort(losses)
     scale = residual_scale(observations, [each[order[0]] for each in found])
     fits = [
-        refit(
-            observations,
-            models[row],
-            baseline_parameters(models[row], clamped=clamped),
-            iterations=FIRST_STEPS,
-            scale=scale,
-        )
+        refit(observations, models[row], baseline_parameters(models[row]), iterations=FIRST_STEPS, scale=scale)
         for row in order[:starts]
     ]
     fits.sort(key=lambda each: each.loss)
@@ -144,45 +110,3 @@ def baseline_beside(
     best = replace(best, scale=min(best.scale, residual_scale(observations, best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
     return BaselineTwin(fitted=fitted, others=starts[1:]), min(without, relieved, key=lambda each: each.loss)
-
-
-def _wrinkling(model: ObjectModel) -> ObjectModel:
-    """The twin with springs that give way when they are pressed."""
-    parameters = replace(model.parameters, compression_ratio=COMPRESSION_RATIO[model.kind])
-    return replace(model, parameters=parameters)
-
-
-def variants(model: ObjectModel) -> list[ObjectModel]:
-    """The object with graphs and grasps of other sizes, and plain parameters."""
-    graph, parameters = model.graph, model.parameters
-    surface = graph.positions[graph.surface].astype(np.float64)
-    spacing = float(np.median(cKDTree(surface).query(surface, k=min(5, len(surface)))[0][:, -1]))
-    shape = RestShape(positions=graph.positions, surface=graph.surface, kind=model.kind, spacing=spacing)
-    node_mass = parameters.total_mass / len(graph.positions)
-    found = []
-    for softer, bending, radius, grasp in product(
-        SOFTER, BENDING_RATIOS[model.kind], OBJECT_RADII[model.kind], GRASP_RADII
-    ):
-        # Springs share the load: more of them, each softer.
-        stiffness = softer * STIFFNESS_RATE[model.kind] * node_mass * (2.0 / radius) ** 2
-        plain = replace(
-            parameters,
-            stiffness=stiffness,
-            damping=DAMPING_RATE[model.kind] * node_mass,
-            bending_ratio=bending,
-            strain_limit=1e6,
-            compression_ratio=COMPRESSION_RATIO[model.kind],
-            ground_projection=0.0,
-            restitution=0.0,
-            friction=0.5,
-            controller_stiffness=stiffness,
-            controller_radius=grasp * spacing,
-            controller_neighbours=GRASP_NEIGHBOURS,
-            collision_distance=0.6 * spacing if model.kind == ObjectKind.SHEET else 0.0,
-        )
-        other = build_graph(shape, radius=radius * spacing, max_neighbours=NEIGHBOURS)
-        variant = replace(
-            model, graph=other, parameters=plain, stiffness=per_kind(other, plain.stiffness, plain.bending_ratio)
-        )
-        found.append(without_sag(variant) if model.kind == ObjectKind.SOLID else variant)
-    return found

@@ -7,19 +7,11 @@ from typing import Any
 import numpy as np
 
 from egophys_core.effects import Effect, Parameter, TwinEffect, effect_named
-from egophys_core.simulation import longest_retardation
-from egophys_core.twin import ObjectKind, ObjectModel, SpringKind
-from egophys_core.twin.parameters import GRAVITY, NATURAL_BEND
-
-STIFFEST = 1e6
-"""1/s^2, largest spring stiffness over node mass: a held toy may not sag where the real one does not."""
-
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel, SpringKind
 
 SHORTEST = 0.2
 """Of its length as seen: the rest length that a spring has at least, however soft."""
-
-BEND_STEP = 0.2
-"""Rad of intrinsic curvature from one end of a rod to the other: a step."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,56 +48,13 @@ def with_values(model: ObjectModel, parameters: Sequence[FreeParameter], positio
     return model
 
 
-def baseline_parameters(model: ObjectModel, *, clamped: bool) -> tuple[FreeParameter, ...]:
-    """The parameters that every twin of this kind has, which are fitted with and without an effect.
-
-    Args:
-        clamped: whether the object is held in a clamp, not by a hand: then its static deflection tells how stiff it is.
-    """
-    if model.kind == ObjectKind.ROD:
-        return _rod_parameters(model)
-    node_mass = model.parameters.total_mass / len(model.graph.positions)
-    top_damping = 5.0 if model.kind == ObjectKind.SHEET else 30.0
-    # A template of a stiff material is built beyond these bounds; they then move with it.
-    room = max(1.0, 3.0 * model.parameters.stiffness / (STIFFEST * node_mass))
-    parameters = [
-        _springs_parameter("stiffness", SpringKind.STRUCTURAL, 1e2 * node_mass, room * STIFFEST * node_mass),
-        _physical_parameter(
-            "damping", 0.01 * node_mass, room * top_damping * node_mass, step=0.5, unit="N s/m", logarithmic=True
-        ),
-        _physical_parameter("friction", 0.0, 2.0, step=0.05),
-        _physical_parameter(
-            "controller_stiffness", 1e2 * node_mass, room * STIFFEST * node_mass, step=0.5, unit="N/m", logarithmic=True
-        ),
-    ]
-    if model.kind == ObjectKind.SHEET:
-        bending = _springs_parameter("bending stiffness", SpringKind.BENDING, 1.0 * node_mass, 1e5 * node_mass)
-        return (*parameters, bending, _physical_parameter("compression_ratio", 0.05, 1.0, step=0.3, logarithmic=True))
-    parameters.append(_physical_parameter("drag", 0.0, 20.0, step=0.2, unit="1/s"))
-    if not clamped:
-        # A grip that is soft enough to turn in is too soft to carry: all toys deflect too far in their twins. What a
-        # toy weighs, how stiff it is and how firmly it is held are one thing there: its deflection is no evidence.
-        parameters.append(_physical_parameter("gravity", 0.5 * GRAVITY, 1.2 * GRAVITY, step=0.5, unit="m/s^2"))
-    return tuple(parameters)
-
-
-def _rod_parameters(model: ObjectModel) -> tuple[FreeParameter, ...]:
-    """How a rod resists bending, how it is damped and its intrinsic curvature; it hardly stretches, and its clamps do
-    not give way."""
-    length = float(model.graph.rest_lengths.sum())
-    # A rod of these rigidities bends under its own weight within 1 % of its length, and within all of it.
-    low, high = (model.parameters.total_mass * GRAVITY * share**3 * length**2 for share in (0.01, 1.0))
-    longest = longest_retardation(model.parameters.flexural_rigidity, model.graph.rest_lengths, model.node_masses)
-    return (
-        _physical_parameter("flexural_rigidity", low, high, step=0.1, unit="N m^2", logarithmic=True),
-        _physical_parameter(
-            "retardation_time", min(1e-5, longest / 2.0), longest, step=0.5, unit="s", logarithmic=True
-        ),
-        _physical_parameter("drag", 0.0, 20.0, step=0.2, unit="1/s"),
-        *(
-            _physical_parameter(name, -2.0 * np.pi / length, 2.0 * np.pi / length, step=BEND_STEP / length, unit="1/m")
-            for name in NATURAL_BEND
-        ),
+def baseline_parameters(model: ObjectModel) -> tuple[FreeParameter, ...]:
+    """The parameters that every twin of this kind has, which are fitted with and without an effect."""
+    return tuple(
+        _physical_parameter(each.parameter)
+        if each.springs is None
+        else _springs_parameter(each.parameter, each.springs)
+        for each in kind_of(model).fitted(model)
     )
 
 
@@ -163,21 +112,21 @@ def _effect_parameter(name: str, parameter: Parameter) -> FreeParameter:
     )
 
 
-def _physical_parameter(
-    name: str, low: float, high: float, *, step: float, unit: str = "1", logarithmic: bool = False
-) -> FreeParameter:
+def _physical_parameter(parameter: Parameter) -> FreeParameter:
+    """One of the physical parameters."""
+
     def write(model: ObjectModel, value: float) -> ObjectModel:
-        changed: dict[str, Any] = {name: value}
+        changed: dict[str, Any] = {parameter.name: value}
         return replace(model, parameters=replace(model.parameters, **changed))
 
     return FreeParameter(
-        definition=Parameter(name=name, unit=unit, low=low, high=high, step=step, logarithmic=logarithmic),
-        read=lambda model: float(max(getattr(model.parameters, name), low)),
+        definition=parameter,
+        read=lambda model: float(max(getattr(model.parameters, parameter.name), parameter.low)),
         write=write,
     )
 
 
-def _springs_parameter(name: str, kind: SpringKind, low: float, high: float) -> FreeParameter:
+def _springs_parameter(parameter: Parameter, kind: SpringKind) -> FreeParameter:
     """The median stiffness of one kind of springs; another value scales them all, and they carry what they carried."""
 
     def read(model: ObjectModel) -> float:
@@ -195,8 +144,4 @@ def _springs_parameter(name: str, kind: SpringKind, low: float, high: float) -> 
             stiffness=(model.stiffness * scale).astype(np.float32),
         )
 
-    return FreeParameter(
-        definition=Parameter(name=name, unit="N/m", low=low, high=high, step=0.3, logarithmic=True),
-        read=read,
-        write=write,
-    )
+    return FreeParameter(definition=parameter, read=read, write=write)

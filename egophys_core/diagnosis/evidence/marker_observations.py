@@ -13,12 +13,11 @@ from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, smoo
 from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, TrackedEpisode
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.traits import Need
-from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
-from egophys_core.observation import FitProblem
+from egophys_core.kinds import Kind
+from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, place_model
 from egophys_core.observation.clamps import stands_still
-from egophys_core.observation.markers import from_all_seen, place_markers
-from egophys_core.twin import ObjectKind, Twin
+from egophys_core.twin import Twin
 
 FREE = 0.0
 """Rate of the observer, 1/s."""
@@ -32,7 +31,7 @@ LEAST_RECORD_S = 0.5
 """Seconds below which markers show less than an oscillation."""
 
 
-def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> TrackedEpisode:
+def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> TrackedEpisode:
     """Place a twin of markers in an episode.
 
     Args:
@@ -42,7 +41,8 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Track
         EpisodeError: other markers or held points than the twin has.
         DiscrepancyError: a record too short to say anything.
     """
-    problem = place_markers(twin.model, twin.grasp, episode, load=load)
+    observed = observe_episode(episode, load=load)
+    problem = place_model(twin.model, twin.grasp, observed)
     times = problem.episode.times
     if times[-1] < LEAST_RECORD_S:
         raise DiscrepancyError(
@@ -62,22 +62,21 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Track
         blocks=np.floor((times + 0.5 * float(np.median(np.diff(times)))) / block).astype(int),
         rate=FREE,
         mounted=mounted,
-        record=from_all_seen(episode),
+        record=observed.record,
     )
 
 
-def unidentifiable_effects(kind: ObjectKind, observations: Sequence[TrackedEpisode]) -> tuple[str, ...]:
-    """Effects that episodes of an object with markers cannot tell, to be left out of a diagnosis.
+def unidentifiable_effects(kind: Kind, observations: Sequence[TrackedEpisode]) -> tuple[str, ...]:
+    """Effects that episodes of an object of a kind cannot tell, to be left out of a diagnosis.
 
     Records of markers do not tell what a table does. What a clamp that stands still does to held points is how it was
-    mounted. Springs of a rod hardly stretch, and it bends without any: what effects on springs gained in a cable that
-    lacks nothing, up to 108, was of how it stretches.
+    mounted.
     """
-    absent = {Need.TABLE}
+    absent = set(kind.cannot_tell)
+    if all(each.free for each in observations):
+        absent.add(Need.TABLE)
     if all(each.mounted for each in observations):
         absent.add(Need.MOVING_GRIP)
-    if kind == ObjectKind.ROD:
-        absent.add(Need.SPRINGS)
     return tuple(effect.name for effect in LIBRARY.values() if effect.traits.needs & absent)
 
 

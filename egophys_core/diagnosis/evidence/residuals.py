@@ -18,8 +18,7 @@ from egophys_core.diagnosis.evidence.observer import RATE, Nudging
 from egophys_core.effects.effect import Action
 from egophys_core.episode import Episode
 from egophys_core.kinds.rest_shape import farthest_points
-from egophys_core.observation import FitProblem, prepare
-from egophys_core.observation.at_rest import observed_at_rest
+from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, prepare
 from egophys_core.simulation import LANES, Controls, batch_of_models, rollout, with_actions
 from egophys_core.twin import ObjectModel
 
@@ -98,20 +97,20 @@ Job = tuple[TrackedEpisode, Sequence[ObjectModel], Sequence[tuple[Action, ...]] 
 """Rollouts that are simulated together: in an episode, of some models, and per model what else acts on it."""
 
 
-def observe(model: ObjectModel, episode: Episode) -> TrackedEpisode:
-    """Place the twin in an episode.
+def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
+    """Place the twin in an episode that shows its surface.
 
     Raises:
         EpisodeError: no hand ever moves the object.
     """
-    graph = model.graph
+    graph, observed = model.graph, observe_episode(episode)
     spacing = float(np.median(graph.rest_lengths))
-    problem = prepare(episode, graph.positions, graph.surface, spacing=spacing)
-    touched = observed_at_rest(episode, problem.hands)[0]
+    problem = prepare(observed, graph.positions, graph.surface, spacing=spacing)
+    touched = observed.touched
     tracks = observed_tracks(problem, graph.surface, touched)
     rest = np.nanmean(tracks.positions[: max(touched, 1)], axis=0)
     centres = rest[farthest_points(rest, PATCHES)]
-    times = episode.times
+    times = observed.episode.times
     blocks = np.floor((times - times[touched]) / BLOCK_S).astype(int)
     return TrackedEpisode(
         problem=problem,

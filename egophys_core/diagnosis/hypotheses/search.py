@@ -21,7 +21,8 @@ from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.decide import Verdict, decide, nearest_miss
 from egophys_core.effects import LIBRARY
-from egophys_core.twin import ObjectKind, ObjectModel
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel
 
 Criteria = dict[str, tuple[CriterionResult, ...]]
 """Per effect what it was held against."""
@@ -154,7 +155,7 @@ def _survey(
         problem.observations, fitted.model, nearby.ranked, progress=lambda share: progress(0.6 + 0.2 * share)
     )
     on_rods = {}
-    if fitted.model.kind == ObjectKind.ROD and fitted.scale > OUT_OF_STEP_M:
+    if kind_of(fitted.model).is_line and fitted.scale > OUT_OF_STEP_M:
         on_rods = rod_starts(
             problem.observations,
             fitted.model,
@@ -184,8 +185,8 @@ def _on_scale(
     promise = survey.promise(before.scale, surrogates=options.surrogates, seed=problem.seed)
     ranking, worth = promise.ranking, promise.worth_a_refit(thresholds.refit_gain)
     free = problem.observations[0].free
-    object_seen = f"clamped {before.model.kind}" if free else str(before.model.kind)
-    common = {effect.name for effect in LIBRARY.values() if object_seen in effect.traits.common_in}
+    kind = kind_of(before.model).name
+    common = {effect.name for effect in LIBRARY.values() if kind in effect.traits.common_in}
     chosen = {*(each.name for each in worth[: options.shortlist]), *common, *earlier}
     ended = select_models(
         problem,

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from egophys_core.kinds.rod_curve import fastest_bending
 from egophys_core.simulation.lanes import Lanes
 from egophys_core.simulation.state import ParameterArrays, StateArrays
 from egophys_core.simulation.terms.force_effect import ForceEffect
@@ -20,9 +21,6 @@ from egophys_core.twin import PhysicalParameters, level_axes
 
 TORSION_RATIO = 2.0 / 3.0
 """GJ / EI of a round rod of a material that keeps its volume."""
-
-MOST_DAMPING_RATE = 1e5
-"""1/s, of the fastest mode, that a rod's own damping may have: more asks for too many substeps."""
 
 
 @wp.func
@@ -101,31 +99,10 @@ def rod_bending(
     bends = np.array([[each.natural_bend_level, each.natural_bend_up] for each in parameters])
     sections = [TORSION_RATIO * stiff, far_clamps[:, None], np.einsum("kb,kbi->ki", bends, axes[:, 1:]), axes[:, 0]]
     found = np.zeros((len(masses), PER_NODE * masses.shape[1]))
-    fastest = np.array([_fastest(*each) for each in zip(lengths, masses, strict=True)])[:, None]
+    fastest = np.array([fastest_bending(*each) for each in zip(lengths, masses, strict=True)])[:, None]
     return ForceEffect(
         add_forces=add_bending_forces,
         numbers=np.concatenate([stiff, viscous, *sections, lengths, found], axis=1).astype(np.float32),
         settle=settle_sections,
         rates=fastest * np.concatenate([stiff, viscous], axis=1),
     )
-
-
-def longest_retardation(rigidity: float, lengths: np.ndarray, masses: np.ndarray) -> float:
-    """Seconds of retardation that a rod's simulation can afford; its own damps slow modes, fast ones are gone anyway.
-
-    Args:
-        rigidity: N m^2.
-        lengths: [N - 1] metres of the pieces between nodes.
-        masses: [N] kg.
-    """
-    return MOST_DAMPING_RATE / (rigidity * _fastest(lengths, masses))
-
-
-def _fastest(lengths: np.ndarray, masses: np.ndarray) -> float:
-    """Largest omega^2 in 1/s^2 of a rod of 1 N m^2, lengths [N - 1] and masses [N]."""
-    h = lengths.astype(np.float64)
-    turns = np.zeros((len(h) - 1, len(masses)))
-    rows = np.arange(len(turns))
-    turns[rows, rows], turns[rows, rows + 1], turns[rows, rows + 2] = 1 / h[:-1], -1 / h[:-1] - 1 / h[1:], 1 / h[1:]
-    scaled = turns * np.sqrt(2.0 / (h[:-1] + h[1:]))[:, None] / np.sqrt(masses)
-    return float(np.linalg.norm(scaled, 2) ** 2)

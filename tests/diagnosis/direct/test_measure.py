@@ -13,8 +13,8 @@ from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe
 from egophys_core.effects import TwinEffect
 from egophys_core.effects.rotations import rotation
 from egophys_core.episode import Episode
-from egophys_core.kinds.rest_shape import RestShape
-from egophys_core.twin import ObjectKind, ObjectModel
+from egophys_core.kinds.kind import RestShape
+from egophys_core.twin import ObjectModel
 from tests.identification.synthetic import known_model, make_episode
 from tests.simulation.scenes import sheet_positions
 
@@ -30,7 +30,7 @@ EXPECTED = {
 def fine_sheet() -> ObjectModel:
     """A sheet whose nodes lie as close as tracks of a towel do, in a firm grip."""
     shape = RestShape(
-        positions=sheet_positions(11, 0.018, 0.004), surface=np.ones(121, bool), kind=ObjectKind.SHEET, spacing=0.018
+        positions=sheet_positions(11, 0.018, 0.004), surface=np.ones(121, bool), kind="sheet", spacing=0.018
     )
     model = known_model(shape)
     return replace(model, parameters=replace(model.parameters, controller_stiffness=2000.0))

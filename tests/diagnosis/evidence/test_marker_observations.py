@@ -17,14 +17,16 @@ from egophys_core.diagnosis.hypotheses.ranking import probe_effects
 from egophys_core.effects import LIBRARY
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError, SimulationError
-from egophys_core.identification import evaluate_twin
-from egophys_core.identification.marker_fit import MarkerFit, MarkerSearch, build_marker_twin, marker_errors
-from egophys_core.identification.marker_unknowns import marker_model
+from egophys_core.identification import FitOptions, build, evaluate_twin
+from egophys_core.identification.marker_fit import MarkerFit, MarkerSearch, marker_errors
+from egophys_core.kinds import kind_named, kind_of, node_masses
+from egophys_core.kinds.kind import MarkerBody
+from egophys_core.kinds.lattice import lattice_model, turned
 from egophys_core.kinds.template import parse_template
-from egophys_core.observation import observed_contacts, place_twin
-from egophys_core.observation.markers import MarkerBody, find_onset, marker_body, place_markers, turned
+from egophys_core.observation import observe_episode, place_twin
+from egophys_core.observation.marker_record import find_onset
 from egophys_core.simulation import ContactKind, batch_of_models
-from egophys_core.twin import GRAVITY, ObjectKind, ObjectModel
+from egophys_core.twin import GRAVITY, ObjectModel
 from egophys_core.twin.statics import stiffness_matrix
 from tests.diagnosis.cantilever import (
     DENSITY,
@@ -39,6 +41,7 @@ from tests.diagnosis.cantilever import (
     swinging,
     twin_of,
 )
+from tests.kinds.seen_markers import marker_body, place_markers
 
 
 @pytest.fixture(scope="module")
@@ -114,8 +117,8 @@ def test_a_twin_is_evaluated_at_its_markers(cantilever: tuple[MarkerBody, Object
 
 
 def test_the_clamp_of_markers_holds_all_the_time(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
-    body, model, episode = cantilever
-    contacts = observed_contacts(place_twin(twin_of(body, model), episode))
+    episode = cantilever[2]
+    contacts = observe_episode(episode).contact
     assert contacts.shape[1] == len(HELD)
     assert (contacts == ContactKind.HOLD).all()
 
@@ -131,7 +134,7 @@ def test_a_twin_of_something_else_has_no_place_at_the_markers(
 
 def test_true_stiffness_beats_its_neighbours(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, _, episode = cantilever
-    search = MarkerSearch(body, [episode], {}, DENSITY)
+    search = MarkerSearch(body, [observe_episode(episode)], DENSITY)
     factors = (0.8, 0.9, 1.0, 1.1, 1.25)
     fits: list[MarkerFit] = [
         search.at(np.array([np.log(RATE * factor), np.log(1e-9), DRAG, 0.0, 0.0])) for factor in factors
@@ -155,7 +158,7 @@ def test_turns_upward_and_to_its_left_about_the_clamp(way: str, axis: int) -> No
 def test_a_beam_held_back_at_the_start_is_placed_by_its_clamp(held: np.ndarray, turns: bool) -> None:
     """Two held points do not tell how it is turned; the markers help, and the hand at them turns it."""
     body = marker_body(still_episode(held), parse_template(TEMPLATE))
-    model = marker_model(body, density=DENSITY, stiffness=RATE * DENSITY * body.spacing**3, damping=1e-9, drag=DRAG)
+    model = lattice_model(body, density=DENSITY, stiffness=RATE * DENSITY * body.spacing**3, damping=1e-9, drag=DRAG)
     held_back = still_episode(held, TRACKS + [0.0, 0.005, 0.0])
     placed = place_markers(model, body.grasp, held_back).controls.positions[0, len(held) :]
     away = np.linalg.norm(placed - body.grasp[len(held) + len(TRACKS) :], axis=1).max()
@@ -171,7 +174,7 @@ def test_a_load_hangs_at_the_end_and_markers_weigh_nothing(
     (end,) = np.flatnonzero(payload > 0)
     assert payload[end] == pytest.approx(0.1 / 9.81)
     assert body.graph.positions[end] == pytest.approx([0.1, 0.0, 0.5], abs=1e-3)
-    masses = model.node_masses + payload
+    masses = node_masses(model) + payload
     cells = len(masses) - len(TRACKS) - 1
     assert masses.min() > 0.0
     assert masses.sum() == pytest.approx(cells * DENSITY * body.spacing**3 + 0.1 / 9.81)
@@ -180,7 +183,7 @@ def test_a_load_hangs_at_the_end_and_markers_weigh_nothing(
 def test_a_node_that_would_weigh_nothing_is_refused(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, model, episode = cantilever
     controls = place_markers(model, body.grasp, episode).controls
-    lifted = replace(controls, payload=np.where(np.arange(len(model.node_masses)) == 7, -1.0, 0.0))
+    lifted = replace(controls, payload=np.where(np.arange(len(node_masses(model))) == 7, -1.0, 0.0))
     with pytest.raises(SimulationError, match=r"payload leaves .* kg of node 7"):
         batch_of_models([model], [lifted], ground_height=-10.0)
 
@@ -199,7 +202,7 @@ def test_a_load_slows_a_swing_as_it_does_a_beam(cantilever: tuple[MarkerBody, Ob
 
     def rate(load: float) -> float:
         payload = place_markers(model, body.grasp, episode, load=load).controls.payload
-        masses = np.repeat(model.node_masses + payload, 3)[axes]
+        masses = np.repeat(node_masses(model) + payload, 3)[axes]
         return float(np.sqrt(eigsh(stiffness[axes][:, axes], k=1, M=diags(masses).tocsc(), sigma=0.0)[0][0]))
 
     def of_beam(load: float) -> float:
@@ -237,7 +240,7 @@ def test_slopes_of_effects_on_a_swing_are_those_near_none(
 def test_a_still_clamp_tells_nothing_of_the_hands(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, model, episode = cantilever
     observation = observe_markers(twin_of(body, model), episode)
-    unidentifiable = unidentifiable_effects(model.kind, [observation])
+    unidentifiable = unidentifiable_effects(kind_of(model), [observation])
     assert "tracking_offset" in unidentifiable
     assert "viscoelasticity" not in unidentifiable
     assert observation.rate == 0.0
@@ -248,8 +251,8 @@ def test_a_rod_tells_nothing_of_springs_nor_a_record_of_markers_of_a_table(
 ) -> None:
     body, model, episode = cantilever
     moved = replace(observe_markers(twin_of(body, model), episode), mounted=False)
-    of_a_rod, of_a_solid = (set(unidentifiable_effects(kind, [moved])) for kind in (ObjectKind.ROD, ObjectKind.SOLID))
-    assert of_a_solid == {"table_adhesion", "place_dependent_friction", "stribeck_friction"}
+    of_a_rod, of_a_lattice = (set(unidentifiable_effects(kind_named(name), [moved])) for name in ("rod", "lattice"))
+    assert of_a_lattice == {"table_adhesion", "place_dependent_friction", "stribeck_friction"}
     assert of_a_rod < set(LIBRARY)
     assert "viscoelasticity" in of_a_rod
     assert not {"quadratic_drag", "control_delay", "uneven_mass", "gripper_offset"} & of_a_rod
@@ -293,11 +296,11 @@ def test_markers_that_are_never_all_seen_are_refused() -> None:
 
 def test_bad_input_is_refused() -> None:
     episode = still_episode()
-    with pytest.raises(EpisodeError, match="no held points"):
+    with pytest.raises(EpisodeError, match="no controller points, so nothing moves the object"):
         marker_body(
             replace(episode, controllers=episode.controllers[:, :0], controller_ids=episode.controller_ids[:0]), None
         )
     with pytest.raises(OptionsError, match="not among"):
-        build_marker_twin([episode], None, loads={"other": 1.0})
+        build([episode], loads={"other": 1.0})
     with pytest.raises(OptionsError, match="density"):
-        build_marker_twin([episode], None, density=0.0)
+        FitOptions(density=0.0)

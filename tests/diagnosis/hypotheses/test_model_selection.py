@@ -14,11 +14,11 @@ from egophys_core.diagnosis.hypotheses.ranking import probe_effects, rank
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem
 from egophys_core.effects import LIBRARY
-from egophys_core.identification.marker_unknowns import rod_model
-from egophys_core.observation.markers import marker_body
+from egophys_core.kinds.rod import rod_model
 from tests.diagnosis.cantilever import twin_of
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
 from tests.kinds.hanging_cable import curve, moved_by_hand, record_of, rolled_out
+from tests.kinds.seen_markers import marker_body
 
 SCALE = 1e-3
 
@@ -26,7 +26,7 @@ SCALE = 1e-3
 def selected(model, recorded, chosen, others):
     """A selection among an effect and others of the library on episodes of the sheet, and the twin it begins with."""
     observations = [observe(sheet(), episode) for episode in recorded]
-    return selected_in(observations, model, baseline_parameters(model, clamped=False), chosen, others)
+    return selected_in(observations, model, baseline_parameters(model), chosen, others)
 
 
 def selected_in(observations, model, parameters, chosen, others):
@@ -89,7 +89,7 @@ def test_without_a_table_a_tilted_frame_is_refitted_where_tilted_gravity_explain
     before, ended = selected_in(
         [observe_markers(twin_of(body, cable), seen)],
         cable,
-        baseline_parameters(cable, clamped=True),
+        baseline_parameters(cable),
         "constant_body_force",
         ("gravity_tilt", "tracking_rotation"),
     )

@@ -11,10 +11,10 @@ from egophys_core.diagnosis.evidence.refit import refit
 from egophys_core.diagnosis.hypotheses.ranking import probe_effects, rank
 from egophys_core.diagnosis.hypotheses.rod_starts import rod_starts
 from egophys_core.effects import LIBRARY
-from egophys_core.identification.marker_unknowns import rigidity_of, rod_model
-from egophys_core.observation.markers import marker_body
+from egophys_core.kinds.rod import rigidity_of, rod_model
 from tests.diagnosis.cantilever import twin_of
 from tests.kinds.hanging_cable import curve, moved_by_hand, record_of, rolled_out
+from tests.kinds.seen_markers import marker_body
 
 RIGIDITY = 0.02
 """m^4/s^2, of the cable."""
@@ -34,7 +34,7 @@ def light():
     bar = rod_model(body, density=1000.0, rigidity=100.0 * RIGIDITY, retardation_time=1e-4, drag=20.0)
     seen = replace(moved, points=rolled_out(injected, body, moved))
     observations = [observe_markers(twin_of(body, bar), seen)]
-    before = refit(observations, bar, baseline_parameters(bar, clamped=True), iterations=0)
+    before = refit(observations, bar, baseline_parameters(bar), iterations=0)
     probes = probe_effects(
         observations, bar, before.residuals, without=LIBRARY.keys() - LIKE_IT, progress=lambda share: None
     )

@@ -14,11 +14,11 @@ from egophys_core.diagnosis.hypotheses.search import Survey, search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem
 from egophys_core.effects import LIBRARY
-from egophys_core.identification.marker_unknowns import rod_model
-from egophys_core.observation.markers import marker_body
+from egophys_core.kinds.rod import rod_model
 from tests.diagnosis.cantilever import twin_of
 from tests.effects.situations import sheet
 from tests.kinds.hanging_cable import curve, moved_by_hand, record_of, rolled_out
+from tests.kinds.seen_markers import marker_body
 
 SCALE = 1e-3
 SHAPE = (30, 12, 3)
@@ -34,7 +34,7 @@ def test_an_effect_without_slopes_is_worth_a_refit_if_a_large_amplitude_probe_ga
             model=sheet(),
             residuals=[lacking + noise],
             jacobian=[np.zeros((*SHAPE, 0))],
-            parameters=baseline_parameters(sheet(), clamped=False)[:0],
+            parameters=baseline_parameters(sheet())[:0],
             scale=SCALE,
         ),
         probes=[
@@ -63,7 +63,7 @@ def test_a_cable_that_goes_where_nothing_pulls_it_is_unexplained():
     wobble = 0.03 * np.sin(2.0 * np.pi * 4.0 * moved.times)[:, None, None]
     seen = replace(moved, points=(rolled_out(cable, body, moved) + wobble).astype(np.float32))
     observations = [observe_markers(twin_of(body, cable), seen)]
-    before = refit(observations, cable, baseline_parameters(cable, clamped=True), iterations=0)
+    before = refit(observations, cable, baseline_parameters(cable), iterations=0)
     problem = DiagnosisProblem(
         observations=observations, validation=(), options=DiagnosisOptions(refit_iterations=1, bootstraps=50), seed=0
     )

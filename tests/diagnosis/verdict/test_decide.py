@@ -11,7 +11,6 @@ from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.verdict import decide as verdict_module
 from egophys_core.diagnosis.verdict.decide import Verdict
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
-from egophys_core.twin import ObjectKind
 from tests.simulation.scenes import sheet_model
 
 TILT = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}
@@ -335,7 +334,7 @@ def test_a_toy_alone_may_deflect_less_than_its_twin_without_a_force_upward(up, k
         axis: Estimate(value=value, unit="m/s^2", ci95=(0.9 * value, 1.1 * value))
         for axis, value in {"x": 0.8, "y": 0.1, "z": up}.items()
     }
-    body = SimpleNamespace(model=SimpleNamespace(kind=ObjectKind(kind)))
+    body = SimpleNamespace(model=replace(sheet_model(), kind=kind))
     found = replace(judged("quadratic_drag", CLEAR), name="constant_body_force", parameters=force, fitted=body)
     assert len(decide([found], {"constant_body_force": 0.01}, 0.0, 2).named) == named
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from egophys_core.errors import TwinError
+from egophys_core.kinds import node_masses
 from egophys_core.simulation import ContactKind, Controls, RolloutBatch, batch_of_models, rollout
 from egophys_core.simulation.terms.rod_bending import rod_bending
-from egophys_core.twin import ObjectKind, ObjectModel, SpringGraph, chain
+from egophys_core.twin import ObjectModel, SpringGraph, chain
 from tests.simulation.scenes import FAR_BELOW, frame_times, parameters
 from tests.simulation.substep_path import advance_by_launches
 
@@ -33,7 +34,7 @@ def rod(reaches: np.ndarray, **changes: float) -> ObjectModel:
     positions = np.stack([reaches, *np.zeros((2, len(reaches)))], axis=1).astype(np.float32)
     stiffness = (200.0 / lengths).astype(np.float32)
     return ObjectModel(
-        kind=ObjectKind.ROD,
+        kind="rod",
         graph=SpringGraph(
             positions=positions,
             springs=chain(len(reaches)),
@@ -142,6 +143,6 @@ def test_a_rod_must_be_a_chain() -> None:
 
 
 def test_nodes_weigh_as_much_as_their_length() -> None:
-    masses = rod(UNEVEN).node_masses
+    masses = node_masses(rod(UNEVEN))
     assert masses.sum() == pytest.approx(MASS, rel=1e-6)
     assert masses[10] / masses[2] == pytest.approx((UNEVEN[11] - UNEVEN[9]) / (UNEVEN[3] - UNEVEN[1]), rel=1e-5)

@@ -26,15 +26,15 @@ from egophys_core.rehearsal.engine import load_mujoco
 from egophys_core.rehearsal.hands import hand_cloud
 from egophys_core.rehearsal.observation import CONFIDENCE
 from egophys_rehearsal.arm_stage import ArmStage
-from egophys_rehearsal.frame import Frame, Stage
-from egophys_rehearsal.planting import planted_effects
+from egophys_rehearsal.frame import RehearsalFrame, Stage
+from egophys_rehearsal.injection import injected_effects
 from egophys_rehearsal.script_stage import ScriptStage
 from egophys_rehearsal.tool_track import ToolTrack
 
 ARM = "arm"
 TEXT_PARAMETERS = {
     "hands": (ARM, f"who handles the object: {ARM}, or scripted hands: {', '.join(Motion)}"),
-    "effects": ("none", "names of the effects to plant, separated by spaces; none for none"),
+    "effects": ("none", "names of the effects to inject, separated by spaces; none for none"),
     "effect_size": ("large", "size of the effects: small or large"),
     "effect_parameters": ("", 'parameters in place of the size\'s, JSON: {"control_delay": {"delay": 0.1}}; SI units'),
     "tool_pose_topic": ("/bridge_node/tool_pose", "topic of the measured tool pose (geometry_msgs/PoseStamped)"),
@@ -118,7 +118,7 @@ class RehearsalNode(ManagedNode):
         hands = self.get_parameter("hands").value
         if hands not in (ARM, *Motion):
             raise OptionsError(f"hands must be one of {ARM}, {', '.join(Motion)}, got {hands!r}")
-        effects = planted_effects(
+        effects = injected_effects(
             self.get_parameter("effects").value,
             size=self.get_parameter("effect_size").value,
             parameters_json=self.get_parameter("effect_parameters").value,
@@ -171,7 +171,7 @@ class RehearsalNode(ManagedNode):
         finally:
             self._is_busy = False
 
-    def _publish(self, frame: Frame) -> None:
+    def _publish(self, frame: RehearsalFrame) -> None:
         stamp = time_message(frame.stamp_ns)
         seen = np.isfinite(frame.points).all(axis=1)
         confidence = np.full(np.count_nonzero(seen), CONFIDENCE, np.float32)

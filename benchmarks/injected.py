@@ -1,4 +1,4 @@
-"""Diagnoses of rehearsed episodes with a planted effect, or none: the confusion matrix by size of the effect.
+"""Diagnoses of rehearsed episodes with an injected effect, or none: the confusion matrix by size of the effect.
 
 Every data set is a new object: three motions in the MuJoCo world, a twin fitted to two of them, and the diagnosis of
 that twin on them, which the third has to bear out. Results are kept after each set, and a run goes on where the last
@@ -21,12 +21,12 @@ from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.episode import Episode
 from egophys_core.files import write_json
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
+from egophys_core.rehearsal.injection import INJECTABLE, injected_sizes
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
-from egophys_core.rehearsal.planting import PLANTS, planted_sizes
 from egophys_core.rehearsal.world import rehearse
 
-RESULT = Path(__file__).parent / "results/planted.json"
+RESULT = Path(__file__).parent / "results/injected.json"
 
 FIT = FitOptions(generations=6, dense_steps=0)
 """A quick twin: the diagnosis refits it anyway."""
@@ -54,7 +54,7 @@ MOTIONS = {
 """Motions in which an effect shows, of which the last is not fitted; `MOVING` for the others."""
 
 SOLIDS = ("uneven_mass", "plasticity", "viscoelasticity", "tension_compression_asymmetry", "hysteresis")
-"""Effects that are planted in a toy; the others in a sheet."""
+"""Effects that are injected into a toy; the others in a sheet."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +91,7 @@ def cases() -> list[Case]:
         )
         for index in range(NONE_SETS)
     ]
-    planted = [
+    injected = [
         Case(
             effect=name,
             size=size,
@@ -101,9 +101,9 @@ def cases() -> list[Case]:
             without=name if left_out else "",
         )
         for size, left_out in (("large", False), ("small", False), ("large", True), ("small", True))
-        for index, name in enumerate(PLANTS)
+        for index, name in enumerate(INJECTABLE)
     ]
-    return [*nothing, *planted]
+    return [*nothing, *injected]
 
 
 def episodes_of(case: Case) -> list[Episode]:
@@ -124,7 +124,7 @@ def movement_of(case: Case) -> float:
 
 
 def _effects(case: Case) -> Mapping[str, Mapping[str, float]]:
-    return {} if case.effect == "none" else {case.effect: planted_sizes(case.effect)[case.size]}
+    return {} if case.effect == "none" else {case.effect: injected_sizes(case.effect)[case.size]}
 
 
 def _motions(case: Case) -> list[tuple[Motion, int]]:
@@ -135,7 +135,7 @@ def _motions(case: Case) -> list[tuple[Motion, int]]:
 def measure(case: Case) -> dict[str, Any]:
     """One row of the result."""
     episodes = episodes_of(case)
-    twin = build_twin(fitted_and_validation(episodes)[0], FIT, seed=0)
+    twin = build(fitted_and_validation(episodes)[0], FIT, seed=0)
     started = time.monotonic()
     left_out = (case.without,) if case.without else ()
     finding = diagnose(twin, episodes, DIAGNOSIS, without=left_out)
@@ -179,7 +179,7 @@ def _searched(search: Search) -> dict[str, Any]:
 
 
 def run(*, minutes: float = 1e9) -> dict[str, Any]:
-    """Measure what is missing; the keys of `results/planted.json`.
+    """Measure what is missing; the keys of `results/injected.json`.
 
     Args:
         minutes: begin no further case after this long.
@@ -187,8 +187,8 @@ def run(*, minutes: float = 1e9) -> dict[str, Any]:
     kept = kept_in(RESULT, {"rows": []})
     rows, moved = kept["rows"], kept.setdefault("moved_m", {})
     done = {_key(row) for row in rows}
-    planted = [case for case in cases() if case.effect != "none" and not case.without]
-    unmoved = [case for case in planted if case.size not in moved.get(case.effect, {})]
+    injected = [case for case in cases() if case.effect != "none" and not case.without]
+    unmoved = [case for case in injected if case.size not in moved.get(case.effect, {})]
     for case, metres in side_by_side(movement_of, unmoved, minutes=minutes):
         moved.setdefault(case.effect, {})[case.size] = metres
         write_json(RESULT, kept)

@@ -1,11 +1,11 @@
-"""From the planted effects to the terms of force of a step."""
+"""From the injected effects to the terms of force of a step."""
 
 import numpy as np
 
 from egophys_core.rehearsal import bending_forces, edge_forces, field_forces, table_forces
 from egophys_core.rehearsal.bodies import SoftBody
 from egophys_core.rehearsal.engine import FlexEngine
-from egophys_core.rehearsal.planting import Effects
+from egophys_core.rehearsal.injection import Effects
 from egophys_core.rehearsal.state import ForceTerm
 
 FIELDS = {
@@ -33,8 +33,8 @@ MATERIAL = {*LAWS, "plasticity"}
 """Those that make the body stiffer than MuJoCo knows."""
 
 
-def planted_terms(effects: Effects, body: SoftBody, engine: FlexEngine) -> list[ForceTerm]:
-    """The terms; changes the engine's friction where a planted one only adds to it."""
+def injected_terms(effects: Effects, body: SoftBody, engine: FlexEngine) -> list[ForceTerm]:
+    """The terms; changes the engine's friction where an injected one only adds to it."""
     terms = [make(effects[name]) for name, make in FIELDS.items() if name in effects]
     if "hidden_tether" in effects:
         terms.append(field_forces.hidden_tether(effects["hidden_tether"], body.vertices))
@@ -42,7 +42,7 @@ def planted_terms(effects: Effects, body: SoftBody, engine: FlexEngine) -> list[
         terms.append(table_forces.table_adhesion(effects["table_adhesion"], vertex_areas(body)))
     terms += [make(effects[name], body.friction) for name, make in FRICTIONS.items() if name in effects]
     if "place_dependent_friction" in effects:
-        engine.set_friction(body.friction * min(1.0, effects["place_dependent_friction"]["factor"]))
+        engine.set_friction(body.friction * min(1.0, 1.0 + effects["place_dependent_friction"]["change"]))
     edges = edge_forces.make_edges(body, engine.edges)
     laws = [make(effects[name], edges) for name, make in LAWS.items() if name in effects]
     if laws:

@@ -5,13 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from egophys_core.identification.search_space import build_graph, candidate, searched_numbers
-from egophys_core.kinds.rest_shape import RestShape
-from egophys_core.twin import ObjectKind, SpringKind, connected_components
-from tests.identification.synthetic import SPACING, sheet_shape
+from egophys_core.kinds import node_masses
+from egophys_core.kinds.kind import RestShape
+from egophys_core.kinds.spring_body import spring_graph
+from egophys_core.twin import SpringKind, connected_components
+from tests.identification.synthetic import SPACING, candidate, searched_numbers, sheet_shape
 from tests.simulation.scenes import sheet_positions
 
-SEEN = (ObjectKind.SHEET, ObjectKind.SOLID)
+SEEN = ("sheet", "solid")
 """Kinds of what is seen as a surface."""
 
 
@@ -25,7 +26,7 @@ def test_normalised_coordinates_span_the_range_and_meet_the_start(kind):
 
 
 def test_logarithmic_number_is_the_geometric_mean_in_the_middle():
-    stiffness = searched_numbers(ObjectKind.SHEET)[0]
+    stiffness = searched_numbers("sheet")[0]
     assert stiffness.logarithmic
     assert stiffness.value(0.5) == pytest.approx(np.sqrt(stiffness.low * stiffness.high))
 
@@ -37,7 +38,7 @@ def test_every_corner_of_the_search_gives_a_connected_model(data, kind):
     coordinates = np.array(data.draw(st.lists(st.floats(0, 1), min_size=len(numbers), max_size=len(numbers))))
     flat = sheet_shape(4)
     shape = RestShape(positions=flat.positions, surface=flat.surface, kind=kind, spacing=SPACING)
-    model = candidate(shape, coordinates, ground_height=0.0)
+    model = candidate(shape, coordinates)
     assert connected_components(16, model.graph.springs).max() == 0
     assert (model.stiffness > 0).all()
     assert model.parameters.total_mass == 0.1
@@ -46,7 +47,7 @@ def test_every_corner_of_the_search_gives_a_connected_model(data, kind):
 
 
 def test_springs_are_counted_once_and_bending_comes_after_structural():
-    graph = build_graph(sheet_shape(), radius=1.5 * SPACING, max_neighbours=12)
+    graph = spring_graph(sheet_shape(), radius=1.5 * SPACING, max_neighbours=12, bends=True)
     pairs = [tuple(pair) for pair in graph.springs.tolist()]
     assert len(set(pairs)) == len(pairs)
     assert all(i < j for i, j in pairs)
@@ -61,11 +62,9 @@ def test_springs_are_counted_once_and_bending_comes_after_structural():
 
 
 def test_solid_has_no_bending_springs_and_no_strain_limit():
-    shape = RestShape(
-        positions=sheet_positions(4, SPACING), surface=np.ones(16, bool), kind=ObjectKind.SOLID, spacing=SPACING
-    )
-    coordinates = np.array([number.start_u for number in searched_numbers(ObjectKind.SOLID)])
-    model = candidate(shape, coordinates, ground_height=0.0)
+    shape = RestShape(positions=sheet_positions(4, SPACING), surface=np.ones(16, bool), kind="solid", spacing=SPACING)
+    coordinates = np.array([number.start_u for number in searched_numbers("solid")])
+    model = candidate(shape, coordinates)
     assert (model.graph.kinds == SpringKind.STRUCTURAL).all()
     assert model.parameters.strain_limit >= 1e6
     assert model.parameters.ground_projection == 0.0
@@ -73,8 +72,8 @@ def test_solid_has_no_bending_springs_and_no_strain_limit():
 
 def test_stiffness_is_per_node_mass():
     # omega^2 of one spring and one node is the searched rate, whatever the number of nodes.
-    coordinates = np.array([number.start_u for number in searched_numbers(ObjectKind.SHEET)])
-    rate = searched_numbers(ObjectKind.SHEET)[0].start
+    coordinates = np.array([number.start_u for number in searched_numbers("sheet")])
+    rate = searched_numbers("sheet")[0].start
     for side in (4, 7):
-        model = candidate(sheet_shape(side), coordinates, ground_height=0.0)
-        assert model.parameters.stiffness / model.node_masses[0] == pytest.approx(rate, rel=1e-5)
+        model = candidate(sheet_shape(side), coordinates)
+        assert model.parameters.stiffness / node_masses(model)[0] == pytest.approx(rate, rel=1e-5)

@@ -1,15 +1,15 @@
-"""What the parameters ask to be planted. Imports no ROS."""
+"""What the parameters ask to be injected. Imports no ROS."""
 
 import json
 
 from egophys_core.errors import OptionsError
-from egophys_core.rehearsal import complete_effects, planted_sizes
+from egophys_core.rehearsal import complete_effects, injected_sizes
 
 NONE = "none"
 SIZES = ("small", "large")
 
 
-def planted_effects(names: str, *, size: str, parameters_json: str) -> dict[str, dict[str, float]]:
+def injected_effects(names: str, *, size: str, parameters_json: str) -> dict[str, dict[str, float]]:
     """Effects with all their parameters.
 
     Args:
@@ -29,9 +29,9 @@ def planted_effects(names: str, *, size: str, parameters_json: str) -> dict[str,
         raise OptionsError(f"effect_parameters is not JSON: {error}") from error
     if not isinstance(given, dict) or not all(isinstance(each, dict) for each in given.values()):
         raise OptionsError(f"effect_parameters must be a JSON object of objects, got {parameters_json}")
-    planted = {name: planted_sizes(name)[size] for name in names.replace(",", " ").split() if name != NONE}
+    injected = {name: injected_sizes(name)[size] for name in names.replace(",", " ").split() if name != NONE}
     for name, values in given.items():
-        if name not in planted:
+        if name not in injected:
             raise OptionsError(f"effect_parameters has {name!r}, which is not in effects; there is {names or NONE}")
-        planted[name] |= values
-    return complete_effects(planted)
+        injected[name] |= values
+    return complete_effects(injected)

@@ -1,4 +1,4 @@
-"""Rods: slender objects, as a cable, alike all along and bent in every record along the curve of what is seen.
+"""The curve of a rod: slender, as a cable, alike all along and bent in every record along the curve of what is seen.
 
 Held points and markers of a cable lie on its centre line, one after the other, and tell its curve in a frame: a spline
 through them. Its twin is its centre line, as long as the curve, which hardly stretches and resists bending.
@@ -13,9 +13,6 @@ from scipy.spatial import distance_matrix
 
 from egophys_core.geometry import least_rotation
 from egophys_core.twin import GRAVITY
-
-SLENDER = 12.0
-"""Length over width from which a template is a rod's, if its markers lie one after the other."""
 
 FEWEST_STATIONS = 4
 """Clamps and markers along a rod: fewer tell no curve."""
@@ -34,6 +31,9 @@ PIECES = 30
 
 SHORTEST_PIECE = 0.25
 """Of a usual piece: what was recorded nearer to each other shares a node, or steps would have to be too short."""
+
+MOST_DAMPING_RATE = 1e5
+"""1/s, of the fastest mode, that a rod's own damping may have: more asks for too many substeps."""
 
 FINE = 20
 """Places per station at which a curve is measured."""
@@ -170,6 +170,27 @@ def bend_to(recorded: np.ndarray, seen: np.ndarray, moving: np.ndarray) -> Bend:
         motion=through(moving),
         ends=(float(reaches[0]), float(reaches[-1])),
     )
+
+
+def longest_retardation(rigidity: float, lengths: np.ndarray, masses: np.ndarray) -> float:
+    """Seconds of retardation that a rod's simulation can afford; its own damps slow modes, fast ones are gone anyway.
+
+    Args:
+        rigidity: N m^2.
+        lengths: [N - 1] metres of the pieces between nodes.
+        masses: [N] kg.
+    """
+    return MOST_DAMPING_RATE / (rigidity * fastest_bending(lengths, masses))
+
+
+def fastest_bending(lengths: np.ndarray, masses: np.ndarray) -> float:
+    """Largest omega^2 in 1/s^2 of a rod of 1 N m^2, lengths [N - 1] and masses [N]."""
+    h = lengths.astype(np.float64)
+    turns = np.zeros((len(h) - 1, len(masses)))
+    rows = np.arange(len(turns))
+    turns[rows, rows], turns[rows, rows + 1], turns[rows, rows + 2] = 1 / h[:-1], -1 / h[:-1] - 1 / h[1:], 1 / h[1:]
+    scaled = turns * np.sqrt(2.0 / (h[:-1] + h[1:]))[:, None] / np.sqrt(masses)
+    return float(np.linalg.norm(scaled, 2) ** 2)
 
 
 def _stations(held: np.ndarray, clamp: np.ndarray, tracks: np.ndarray) -> list[np.ndarray]:

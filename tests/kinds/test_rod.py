@@ -10,14 +10,16 @@ from scipy.integrate import solve_bvp
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.errors import EpisodeError, OptionsError
-from egophys_core.identification.marker_fit import MarkerSearch, build_marker_twin
-from egophys_core.identification.marker_unknowns import rod_model
-from egophys_core.kinds.rods import PIECES, Chain, bend_to, find_chain, rod_nodes
+from egophys_core.identification import build
+from egophys_core.identification.marker_fit import MarkerSearch
+from egophys_core.kinds.rod import rod_model
+from egophys_core.kinds.rod_curve import PIECES, Chain, bend_to, find_chain, rod_nodes
 from egophys_core.kinds.template import parse_template
-from egophys_core.observation.markers import marker_body, place_markers
-from egophys_core.twin import GRAVITY, ObjectKind
+from egophys_core.observation import observe_episode
+from egophys_core.twin import GRAVITY
 from tests.diagnosis.cantilever import HELD, TRACKS
 from tests.kinds.hanging_cable import LENGTH, curve, moved_by_hand, record_of, rolled_out
+from tests.kinds.seen_markers import marker_body, place_markers
 
 PAIR = [np.array([0, 1])]
 TWO_PAIRS = [np.array([0, 1]), np.array([2, 3])]
@@ -140,7 +142,7 @@ def test_markers_side_by_side_share_a_node() -> None:
 def test_a_rod_is_built_straight_and_begins_as_it_is_seen() -> None:
     episode = record_of(curve(13), held_first=2, held_last=2)
     body = marker_body(episode, None)
-    assert body.kind == ObjectKind.ROD
+    assert body.kind == "rod"
     model = rod_model(body, density=1000.0, rigidity=0.01, retardation_time=0.01, drag=1.0)
     problem = place_markers(model, body.grasp, episode)
     assert problem.start[problem.bound] == pytest.approx(episode.points[0], abs=1e-5)
@@ -165,16 +167,16 @@ def test_a_record_of_fewer_markers_or_held_points_is_refused(fewer: str) -> None
 def test_a_template_says_how_far_a_free_end_reaches_and_what_it_weighs() -> None:
     episode = record_of(curve(8), held_first=2, held_last=0)
     free = marker_body(episode, parse_template("box:0.85x0.01x0.01"))
-    assert (free.kind, free.length) == (ObjectKind.ROD, pytest.approx(0.85))
+    assert (free.kind, free.length) == ("rod", pytest.approx(0.85))
     whole = float(free.graph.rest_lengths.sum())
     assert free.volume == pytest.approx(whole * 0.01**2)
-    assert marker_body(episode, parse_template("box:0.85x0.2x0.2")).kind == ObjectKind.SOLID
+    assert marker_body(episode, parse_template("box:0.85x0.2x0.2")).kind == "lattice"
 
 
 def test_a_load_on_a_rod_of_unknown_weight_is_refused() -> None:
     episode = record_of(curve(8), held_first=2, held_last=0)
     with pytest.raises(OptionsError, match="give its size"):
-        build_marker_twin([episode], None, loads={episode.name: 0.1})
+        build([episode], loads={episode.name: 0.1})
 
 
 def test_a_load_hangs_at_the_free_end() -> None:
@@ -227,7 +229,7 @@ def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
     body = marker_body(moved, None)
     planted = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
     seen = rolled_out(planted, body, moved)
-    twin = build_marker_twin([replace(moved, points=seen)], None)
+    twin = build([replace(moved, points=seen)])
     assert np.ptp(seen, axis=0).max() > 0.05
     assert twin.provenance.settings["rmse_m"] < 1e-3
     found = twin.model.parameters
@@ -249,7 +251,7 @@ def test_a_natural_bend_is_found() -> None:
     there = replace(moved, points=np.repeat(hanging[-1:], moved.frames, axis=0))
     lively = replace(coiled, parameters=replace(coiled.parameters, drag=0.5))
     seen = replace(there, points=rolled_out(lively, body, there))
-    twin = build_marker_twin([seen], None)
+    twin = build([seen])
     assert twin.provenance.settings["rmse_m"] < 1e-3
     # How much it is bent upwards is nearly the same as how stiff it is.
     assert twin.model.parameters.natural_bend_level == pytest.approx(1.5, abs=0.3)
@@ -262,19 +264,20 @@ def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
     body = marker_body(moved, None)
     bare = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.0)
     planted = with_effect(bare, "quadratic_drag", {"coefficient": 10.0})
-    search = MarkerSearch(body, [replace(moved, points=rolled_out(planted, body, moved))], {}, 1000.0)
+    seen = observe_episode(replace(moved, points=rolled_out(planted, body, moved)))
+    search = MarkerSearch(body, [seen], 1000.0)
     (rigidity, *_), error = search.best(search.unknowns.sags)
     assert error > 2e-3
     assert np.exp(rigidity) == pytest.approx(0.02, rel=0.5)
 
 
-def test_knobs_of_a_rod_are_those_that_are_searched() -> None:
+def test_free_parameters_of_a_rod_are_those_that_are_searched() -> None:
     body = marker_body(record_of(curve(9), held_first=2, held_last=2), None)
     model = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
-    knobs = baseline_parameters(model, clamped=True)
+    parameters = baseline_parameters(model)
     expected = [model.parameters.flexural_rigidity, 0.015, 0.5, 0.0, 0.0]
-    assert [knob.read(model) for knob in knobs] == pytest.approx(expected)
-    softer = knobs[0].to(model, knobs[0].position_of(0.5 * model.parameters.flexural_rigidity))
+    assert [parameter.read(model) for parameter in parameters] == pytest.approx(expected)
+    softer = parameters[0].to(model, parameters[0].position_of(0.5 * model.parameters.flexural_rigidity))
     assert softer.parameters.flexural_rigidity == pytest.approx(0.5 * model.parameters.flexural_rigidity)
 
 

@@ -19,7 +19,7 @@ FAST = {
     "build": ["--generations", "2", "--population", "4", "--frame-stride", "6", "--dense-steps", "0"],
     "plan": ["--iterations", "2", "--samples", "4", "--waypoints", "2"],
     "rehearse": ["--duration-s", "3", "--points", "60"],
-    "diagnose": ["--base-starts", "1", "--shortlist", "1", "--shams", "20", "--bootstraps", "50"]
+    "diagnose": ["--baseline-starts", "1", "--shortlist", "1", "--surrogates", "20", "--bootstraps", "50"]
     + ["--refit-iterations", "2"],
 }
 """Added to the README's commands when they are run, so that all of them take some minutes."""

@@ -17,7 +17,7 @@ from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, obse
 from egophys_core.diagnosis.evidence.observer import RATE, Nudging
 from egophys_core.effects.effect import Action
 from egophys_core.episode import Episode
-from egophys_core.kinds.rest_shape import farthest_points
+from egophys_core.geometry import farthest_points
 from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, prepare
 from egophys_core.simulation import LANES, Controls, batch_of_models, rollout, with_actions
 from egophys_core.twin import ObjectModel

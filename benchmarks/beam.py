@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.accuracy import DATA
 from egophys_core.diagnosis.diagnose import diagnose
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
-from egophys_core.diagnosis.evidence.residuals import Observation, track_offsets
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, track_offsets
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.identification import FitOptions, build
 from egophys_core.recording import read_episode
@@ -67,12 +67,12 @@ def run() -> dict[str, Any]:
     }
 
 
-def rmse(observation: Observation, model: ObjectModel) -> float:
+def rmse(observation: TrackedEpisode, model: ObjectModel) -> float:
     """Metres: root mean square distance of the markers over a free rollout of the whole record."""
     return _root_mean_square(track_offsets(observation, [model])[0][0])
 
 
-def swing_rmse(observation: Observation, model: ObjectModel) -> float:
+def swing_rmse(observation: TrackedEpisode, model: ObjectModel) -> float:
     """As `rmse`, without each marker's mean offset, which is of how the record was mounted as well."""
     offsets = track_offsets(observation, [model])[0][0]
     return _root_mean_square(offsets - np.nanmean(offsets, axis=0))

@@ -6,7 +6,7 @@ from typing import Any
 
 from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
-from egophys_core.diagnosis.diagnose import diagnose, fitted_and_proofs
+from egophys_core.diagnosis.diagnose import diagnose, fitted_and_validation
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.files import write_json
 from egophys_core.identification import FitOptions, build
@@ -29,7 +29,7 @@ def measure(folder: Path) -> dict[str, Any]:
     """The diagnosis of one case, as in `diagnosis.json`, and the commit it was made with."""
     episodes = [read_episode(folder / f"episode_{index}.mcap") for index in range(4)]
     told = TOLD[folder.parent.name]
-    fitted, _ = fitted_and_proofs(episodes[:told])
+    fitted, _ = fitted_and_validation(episodes[:told])
     started = time.monotonic()
     twin = build(fitted, FIT, seed=0)
     building = time.monotonic() - started

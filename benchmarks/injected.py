@@ -16,7 +16,7 @@ from benchmarks.kept import kept_in
 from benchmarks.movement import movement
 from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
-from egophys_core.diagnosis.diagnose import diagnose, fitted_and_proofs
+from egophys_core.diagnosis.diagnose import diagnose, fitted_and_validation
 from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.episode import Episode
@@ -31,7 +31,7 @@ RESULT = Path(__file__).parent / "results/injected.json"
 FIT = FitOptions(generations=6, dense_steps=0)
 """A quick twin: the diagnosis refits it anyway."""
 
-DIAGNOSIS = DiagnosisOptions(shortlist=3, shams=60, bootstraps=200)
+DIAGNOSIS = DiagnosisOptions(shortlist=3, surrogates=60, bootstraps=200)
 
 NONE_SETS = 20
 
@@ -135,7 +135,7 @@ def _motions(case: Case) -> list[tuple[Motion, int]]:
 def measure(case: Case) -> dict[str, Any]:
     """One row of the result."""
     episodes = episodes_of(case)
-    twin = build(fitted_and_proofs(episodes)[0], FIT, seed=0)
+    twin = build(fitted_and_validation(episodes)[0], FIT, seed=0)
     started = time.monotonic()
     left_out = (case.without,) if case.without else ()
     finding = diagnose(twin, episodes, DIAGNOSIS, without=left_out)
@@ -168,12 +168,12 @@ def _searched(search: Search) -> dict[str, Any]:
                 "held_out_gain": each.held_out_gain,
                 "gain_ci95": each.gain_ci95,
                 "episode_gains": each.episode_gains.tolist(),
-                "proof_gains": each.proof_gains.tolist(),
+                "validation_gains": each.validation_gains.tolist(),
                 "p_null": search.ranking.p_null(each.gain),
                 "parameters": {name: asdict(estimate) for name, estimate in each.parameters.items()},
                 "episodes_agree": each.episodes_agree,
             }
-            for each in search.judged
+            for each in search.refitted
         ],
     }
 

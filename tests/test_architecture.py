@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -108,6 +109,14 @@ def modules_after_importing(name: str) -> set[str]:
     program = f"import sys, {name}; print(' '.join({{each.split('.')[0] for each in sys.modules}}))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     return set(done.stdout.split())
+
+
+def test_house_page_lists_the_rooms_in_the_order_of_imports():
+    page = (PACKAGE.parent / "docs/house.md").read_text()
+    listed = [name for name in re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) if name in ROOMS]
+    assert sorted(listed) == ROOMS
+    for index, room in enumerate(listed):
+        assert MAY_USE[room] & set(ROOMS) <= set(listed[:index]), room
 
 
 def test_every_room_is_in_the_plan():

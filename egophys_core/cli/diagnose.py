@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--without", nargs="+", default=[], metavar="EFFECT", help="effects of the library to leave out, by name"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of shams and resamples (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="of surrogates and resamples (default 0)")
     parser.add_argument("--json", action="store_true", help="print the content of diagnosis.json instead of a summary")
     add_load_argument(parser)
     add_option_arguments(parser, DiagnosisOptions)
@@ -93,6 +93,7 @@ def _print_summary(diagnosis: "Diagnosis") -> None:
     content = diagnosis.as_dict()
     print(f"{diagnosis.outcome}: {headline(content, EFFECT_TEXTS)}")
     print(f"why: {diagnosis.reason}")
+    _print_decision(content["decisions"][-1])
     if diagnosis.experiment:
         print(f"next: {diagnosis.experiment}")
     for effect in content["effects"]:
@@ -108,6 +109,15 @@ def _print_summary(diagnosis: "Diagnosis") -> None:
         ("episode", "TE before", "TE after", "held", "CD before", "CD after"),
         [_error(each) for each in content["error"]],
     )
+
+
+def _print_decision(decision: dict[str, Any]) -> None:
+    """Which criterion made the outcome of the last search, and, where it named nothing, what came nearest."""
+    from egophys_core.reporting import decision_in_words, miss_in_words
+
+    print(f"decided: {decision_in_words(decision)}")
+    for each in decision["nearest_misses"]:
+        print(f"  nearest miss: {miss_in_words(each)}")
 
 
 def _parameter(name: str, estimate: dict[str, Any]) -> tuple[str, ...]:

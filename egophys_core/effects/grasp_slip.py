@@ -27,6 +27,12 @@ def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
     return Load(grip_shift=shift), shift
 
 
+def held_displacement(values: Values, times: np.ndarray) -> np.ndarray:
+    """How far what is held all the time has slid, [F, 3] metres."""
+    velocity = np.array([values["x"], values["y"], values["z"]])
+    return np.asarray(np.maximum(times - values["onset"], 0.0)[:, None] * velocity)
+
+
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     """Slip mostly down, as what hangs pulls, from the first contact on, or from later."""
     begins, end = surroundings.contact_begins, surroundings.end
@@ -49,6 +55,7 @@ EFFECT = Effect(
         "the object",
         needs=frozenset({Need.MOVING_GRIP}),
         measured_by=Measurement.GRIPS,
+        held_displacement=held_displacement,
         is_event=True,
     ),
     starts=starts,

@@ -21,6 +21,7 @@ from egophys_core.reporting.error_figure import draw_errors
 from egophys_core.reporting.evidence_sections import evidence_for_each, where_it_lives
 from egophys_core.reporting.html_page import Picture, Table, coloured, render
 from egophys_core.reporting.marks import AFTER, BEFORE, interval
+from egophys_core.reporting.why_section import why_this_outcome
 
 TAGS = {
     "none": ("no effect", "#1b7f4b"),
@@ -65,6 +66,7 @@ def diagnosis_html(
         cards=_cards(content),
         effects=[_effect(each, texts) for each in content["effects"]],
         errors=_errors(content["error"], times, before, after),
+        why=why_this_outcome(content),
         evidence=evidence_for_each(content, mismatch_gain),
         where=where_it_lives(content["where"], rest, field),
         seconds=figures(content["seconds"]),

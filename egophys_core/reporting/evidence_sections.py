@@ -41,7 +41,7 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> dict[
             Markup(mark),
             figures(gain),
             figures(each["p_null"]),
-            figures(each["proof_gain"]),
+            figures(each["validation_gain"]),
         ]
 
     details = [
@@ -55,7 +55,7 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> dict[
     return {
         "mismatch_gain": figures(mismatch_gain),
         "table": Table(
-            header=("effect", "held-out gain", "gain", "p", "in the others"),
+            header=("effect", "held-out gain", "gain", "p", "validation"),
             rows=[row(each) for each in candidates],
             kinds=("", "wide", "", "", ""),
         ),

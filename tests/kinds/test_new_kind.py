@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.evidence.fitted_parameters import base_knobs
+from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters
 from egophys_core.diagnosis.evidence.refit import refit
 from egophys_core.diagnosis.evidence.residuals import observe
 from egophys_core.identification import FitOptions, build, evaluate_twin, predict
@@ -181,9 +181,9 @@ def test_its_own_parameters_are_fitted_anew(built: Twin) -> None:
     dragged = ring_model(ring_shape(), TRUTH, 0.0)
     dragged = replace(dragged, parameters=replace(dragged.parameters, drag=2.0))
     observations = [observe(built.model, make_episode(dragged))]
-    knobs = base_knobs(built.model)
-    assert [each.parameter.name for each in knobs] == ["drag", "friction"]
-    before = refit(observations, built.model, knobs, iterations=0)
-    after = refit(observations, built.model, knobs, iterations=4)
+    parameters = baseline_parameters(built.model)
+    assert [each.definition.name for each in parameters] == ["drag", "friction"]
+    before = refit(observations, built.model, parameters, iterations=0)
+    after = refit(observations, built.model, parameters, iterations=4)
     assert after.loss < before.loss
     assert after.model.parameters.drag > 0.5

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
 
-from egophys_core.diagnosis.evidence.fitted_parameters import base_knobs, with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.identification import build
 from egophys_core.identification.marker_fit import MarkerSearch
@@ -271,13 +271,13 @@ def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
     assert np.exp(rigidity) == pytest.approx(0.02, rel=0.5)
 
 
-def test_knobs_of_a_rod_are_those_that_are_searched() -> None:
+def test_free_parameters_of_a_rod_are_those_that_are_searched() -> None:
     body = marker_body(record_of(curve(9), held_first=2, held_last=2), None)
     model = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
-    knobs = base_knobs(model)
+    parameters = baseline_parameters(model)
     expected = [model.parameters.flexural_rigidity, 0.015, 0.5, 0.0, 0.0]
-    assert [knob.read(model) for knob in knobs] == pytest.approx(expected)
-    softer = knobs[0].to(model, knobs[0].position_of(0.5 * model.parameters.flexural_rigidity))
+    assert [parameter.read(model) for parameter in parameters] == pytest.approx(expected)
+    softer = parameters[0].to(model, parameters[0].position_of(0.5 * model.parameters.flexural_rigidity))
     assert softer.parameters.flexural_rigidity == pytest.approx(0.5 * model.parameters.flexural_rigidity)
 
 

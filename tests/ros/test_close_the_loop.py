@@ -38,9 +38,9 @@ PLANNING = {"waypoints": 4, "samples": 8, "iterations": 8, "noise_m": 0.08, "set
 EFFECT = '{"constant_body_force": {"x": 2.5, "y": 1.5, "z": 0.0}}'
 """m/s^2, a quarter of the object's weight to the side; what lies on the table stays where it is."""
 DIAGNOSIS = {
-    "diagnosis.base_starts": 2,
+    "diagnosis.baseline_starts": 2,
     "diagnosis.refit_iterations": 3,
-    "diagnosis.shams": 50,
+    "diagnosis.surrogates": 50,
     "diagnosis.bootstraps": 100,
 }
 

@@ -1,4 +1,4 @@
-"""The base twin: the twin as good as it gets without any effect, before anything is blamed on one.
+"""The baseline twin: a twin as good as it gets without any effect, before anything is blamed on one.
 
 What a twin lacks shows only where it is otherwise right. A fit of free rollouts weighs the last, chaotic centimetres
 of a fold; observers ask for graph and grasp that get the forces right. So graphs and grasps of a few sizes are tried
@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.fitted_parameters import base_knobs, with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.diagnosis.evidence.refit import Fitted, refit, refit_from, refit_further, residual_scale, robust_loss
-from egophys_core.diagnosis.evidence.residuals import Observation, residuals
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.kinds import kind_of
 from egophys_core.twin import ObjectModel
 
@@ -23,11 +23,11 @@ ended at 615; the third one began at 1283 and ended at 337. Of six starts of two
 
 LOST = 5.0
 """Times its residuals in what was fitted from which a twin has lost another episode: a toy that was pushed over lay
-elsewhere than its twin (13.7 mm; 1.3, 1.1 and 0.7 in what was fitted), and could bear out nothing any more."""
+elsewhere than its twin (13.7 mm; 1.3, 1.1 and 0.7 in what was fitted), and could support nothing any more."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Base:
+class BaselineTwin:
     """The twin without an effect."""
 
     fitted: Fitted
@@ -35,8 +35,10 @@ class Base:
     """What it was chosen from. A twin bends to make up for an effect that it lacks; these did not, or otherwise."""
 
 
-def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts: int, iterations: int) -> Base:
-    """The best of the twin and its variants, refitted; all begin some steps before it is told which that is.
+def fit_baseline(
+    observations: Sequence[TrackedEpisode], model: ObjectModel, *, starts: int, iterations: int
+) -> BaselineTwin:
+    """The best of the twin and its variants, refitted; all begin some steps before the best is chosen.
 
     Args:
         starts: so many, those with the least residuals, are refitted.
@@ -51,7 +53,7 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts:
     order = np.argsort(losses)
     scale = residual_scale(observations, [each[order[0]] for each in found])
     fits = [
-        refit(observations, models[row], base_knobs(models[row]), iterations=FIRST_STEPS, scale=scale)
+        refit(observations, models[row], baseline_parameters(models[row]), iterations=FIRST_STEPS, scale=scale)
         for row in order[:starts]
     ]
     fits.sort(key=lambda each: each.loss)
@@ -61,10 +63,10 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts:
     best, *runners_up = fits
     best = replace(best, scale=min(scale, residual_scale(observations, best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
-    return Base(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
+    return BaselineTwin(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
 
 
-def follows(fitted: Fitted, observations: Sequence[Observation]) -> list[bool]:
+def follows(fitted: Fitted, observations: Sequence[TrackedEpisode]) -> list[bool]:
     """Per episode that was not fitted, whether a twin follows it well enough to tell what it lacks there.
 
     A few markers always tell it: what is rolled out freely is not chaotic, and may be far off for lack of the effect.
@@ -75,18 +77,18 @@ def follows(fitted: Fitted, observations: Sequence[Observation]) -> list[bool]:
     return [bool(np.nanmedian(np.abs(found)) <= most) for found in residuals(observations, [fitted.model])]
 
 
-def base_with(
-    observations: Sequence[Observation],
-    base: Base,
+def baseline_beside(
+    observations: Sequence[TrackedEpisode],
+    baseline: BaselineTwin,
     effects: Mapping[str, Mapping[str, float]],
     *,
     iterations: int,
-) -> tuple[Base, Fitted]:
-    """The base twin beside effects whose numbers are known, and the one without, from where these led as well.
+) -> tuple[BaselineTwin, Fitted]:
+    """The baseline twin beside effects whose parameters are known, and the one without, from where these led as well.
 
     Args:
-        base: the twin without them.
-        effects: numbers by effect and parameter; they are kept.
+        baseline: the twin without them.
+        effects: values by effect and parameter; they are kept.
         iterations: most steps of each refit.
     """
 
@@ -95,16 +97,16 @@ def base_with(
             model = with_effect(model, name, dict(values))
         return model
 
-    without = base.fitted
-    starts = [beside(model) for model in (without.model, *base.others)]
+    without = baseline.fitted
+    starts = [beside(model) for model in (without.model, *baseline.others)]
     found = residuals(observations, starts)
     order = np.argsort([robust_loss([each[row] for each in found], without.scale) for row in range(len(starts))])
     best = refit_from(
-        observations, [starts[row] for row in order], without.knobs, scale=without.scale, iterations=iterations
+        observations, [starts[row] for row in order], without.parameters, scale=without.scale, iterations=iterations
     )
     bare = [replace(best.model, effects=())]
-    relieved = refit_from(observations, bare, without.knobs, scale=without.scale, iterations=iterations)
+    relieved = refit_from(observations, bare, without.parameters, scale=without.scale, iterations=iterations)
     # What they explain is gone from the residuals: what remains is judged on its own scale.
     best = replace(best, scale=min(best.scale, residual_scale(observations, best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
-    return Base(fitted=fitted, others=starts[1:]), min(without, relieved, key=lambda each: each.loss)
+    return BaselineTwin(fitted=fitted, others=starts[1:]), min(without, relieved, key=lambda each: each.loss)

@@ -1,7 +1,7 @@
 """Observations of an object with a few markers: followed freely, a marker a patch, in short blocks of time.
 
-A clamped beam or a cable is not chaotic: what its twin lacks shows best in a free rollout, which no pull towards the
-markers hides. Markers are measured to hundredths of a millimetre at 100 Hz, so a block need not outlast noise.
+A clamped beam or a cable is not chaotic: what its twin lacks shows best in a free rollout, which no nudging towards
+the markers hides. Markers are measured to hundredths of a millimetre at 100 Hz, so a block need not outlast noise.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, smoothed
-from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, Observation
+from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, TrackedEpisode
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.traits import Need
 from egophys_core.errors import DiscrepancyError
@@ -22,15 +22,16 @@ from egophys_core.twin import Twin
 FREE = 0.0
 """Rate of the observer, 1/s."""
 
-SWING_BLOCK_S = 0.04
-"""Seconds of a block of what swings in a still clamp: a quarter of a swing of 6 Hz. What hands move swings as slowly as
-they do, and what is off in one short block is off in the next: a cable that lacks nothing had a structure of 139."""
+RING_DOWN_BLOCK_S = 0.04
+"""Seconds of a block of a ring-down in a still clamp: a quarter of a period of 6 Hz. What hands move oscillates as
+slowly as they do, and what is off in one short block is off in the next: a cable that lacks nothing had a structure of
+139."""
 
 LEAST_RECORD_S = 0.5
-"""Seconds below which markers show less than a swing."""
+"""Seconds below which markers show less than an oscillation."""
 
 
-def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Observation:
+def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> TrackedEpisode:
     """Place a twin of markers in an episode.
 
     Args:
@@ -45,13 +46,13 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Ob
     times = problem.episode.times
     if times[-1] < LEAST_RECORD_S:
         raise DiscrepancyError(
-            f"{episode.name}: {times[-1]:.2f} s after the object first turned say nothing of what a twin lacks; record "
-            "some swings"
+            f"{episode.name}: {times[-1]:.2f} s after the object first turned back say nothing of what a twin lacks; "
+            "record some oscillations"
         )
     count = problem.episode.points.shape[1]
     mounted = stands_still(problem.controls.positions)
-    block = max(SWING_BLOCK_S if mounted else BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
-    return Observation(
+    block = max(RING_DOWN_BLOCK_S if mounted else BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
+    return TrackedEpisode(
         problem=problem,
         tracks=_tracks(problem),
         touched=0,
@@ -65,7 +66,7 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Ob
     )
 
 
-def unidentifiable_effects(kind: Kind, observations: Sequence[Observation]) -> tuple[str, ...]:
+def unidentifiable_effects(kind: Kind, observations: Sequence[TrackedEpisode]) -> tuple[str, ...]:
     """Effects that episodes of an object of a kind cannot tell, to be left out of a diagnosis.
 
     Records of markers do not tell what a table does. What a clamp that stands still does to held points is how it was

@@ -14,7 +14,7 @@ from egophys_core.cores import usable_cores
 from egophys_core.diagnosis.direct.mounting import beside_mounting
 from egophys_core.diagnosis.evidence.innovations import innovations
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, observed_tracks
-from egophys_core.diagnosis.evidence.observer import RATE, Pull
+from egophys_core.diagnosis.evidence.observer import RATE, Nudging
 from egophys_core.effects.effect import Action
 from egophys_core.episode import Episode
 from egophys_core.geometry import farthest_points
@@ -35,7 +35,7 @@ BATCH = 32
 """Models that are simulated together: a bound on memory."""
 
 LEAST_SCALE, LEAST_SCALE_OF_MARKERS = 1e-3, 2e-4
-"""Metres: no twin is better than this, and smaller residuals are no evidence. What swings in a clamp is not chaotic,
+"""Metres: no twin is better than this, and smaller residuals are no evidence. A ring-down in a clamp is not chaotic,
 and its markers have hardly any noise."""
 
 FEWEST_IN_BLOCK = 4
@@ -43,8 +43,8 @@ FEWEST_IN_BLOCK = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Observation:
-    """An episode prepared for observers of one twin."""
+class TrackedEpisode:
+    """An episode prepared for observers of one twin: its tracks, in patches and blocks of time."""
 
     problem: FitProblem
     tracks: ObservedTracks
@@ -70,7 +70,7 @@ class Observation:
 
     @property
     def free(self) -> bool:
-        """Whether nothing draws the twin to the tracks: few markers on an object in a clamp."""
+        """Whether nothing nudges the twin to the tracks: few markers on an object in a clamp."""
         return self.rate == 0
 
     @property
@@ -93,11 +93,11 @@ class Observation:
         return self.problem.controls.part(slice(self.first, None))
 
 
-Job = tuple[Observation, Sequence[ObjectModel], Sequence[tuple[Action, ...]] | None]
+Job = tuple[TrackedEpisode, Sequence[ObjectModel], Sequence[tuple[Action, ...]] | None]
 """Rollouts that are simulated together: in an episode, of some models, and per model what else acts on it."""
 
 
-def observe(model: ObjectModel, episode: AnyEpisode) -> Observation:
+def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
     """Place the twin in an episode that shows its surface.
 
     Raises:
@@ -112,7 +112,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> Observation:
     centres = rest[farthest_points(rest, PATCHES)]
     times = observed.episode.times
     blocks = np.floor((times - times[touched]) / BLOCK_S).astype(int)
-    return Observation(
+    return TrackedEpisode(
         problem=problem,
         tracks=tracks,
         touched=touched,
@@ -123,7 +123,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> Observation:
 
 
 def track_offsets(
-    observation: Observation,
+    observation: TrackedEpisode,
     models: Sequence[ObjectModel],
     *,
     actions: Sequence[tuple[Action, ...]] | None = None,
@@ -144,15 +144,15 @@ def track_offsets(
         velocities=[problem.velocities] * count,
         ground_height=problem.episode.ground_height,
     )
-    # Nothing draws free rollouts.
-    pull = None if observation.free else Pull(observation.tracks, problem.episode.times, rate=observation.rate)
-    result = rollout(with_actions(batch, tuple(actions or [()] * count), pull=pull))
+    # Free rollouts are not nudged.
+    nudging = None if observation.free else Nudging(observation.tracks, problem.episode.times, rate=observation.rate)
+    result = rollout(with_actions(batch, tuple(actions or [()] * count), pull=nudging))
     measured = observation.tracks.positions[observation.first :]
     offsets = np.stack([measured - observation.tracks.on_twin(positions) for positions in result.positions])
     return offsets, np.array([failure is not None for failure in result.failures])
 
 
-def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
+def block_means(observation: TrackedEpisode, offsets: np.ndarray) -> np.ndarray:
     """[K, B, Q, 3] metres: offsets [K, T - first, P, 3] averaged over cells; NaN where too few tracks are seen."""
     blocks = observation.blocks[observation.first :]
     cells = blocks[:, None] * PATCHES + observation.patches[None]
@@ -169,7 +169,7 @@ def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
 
 
 def residuals(
-    observations: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
     models: Sequence[ObjectModel],
     *,
     progress: Callable[[float], None] = lambda share: None,
@@ -188,7 +188,7 @@ def residuals(
 
 
 def residuals_with(
-    observations: Sequence[Observation], model: ObjectModel, actions: Sequence[Action]
+    observations: Sequence[TrackedEpisode], model: ObjectModel, actions: Sequence[Action]
 ) -> list[np.ndarray]:
     """As `residuals`, of one model with each of the actions in turn."""
     models, single = [model] * len(actions), [(action,) for action in actions]
@@ -215,7 +215,7 @@ def _rollouts_together(episodes: int, models: int) -> int:
     return LANES * max(1, -(-groups // shares))
 
 
-def _left_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
+def _left_in_blocks(observation: TrackedEpisode, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
     means = block_means(observation, offsets)
     found = np.full_like(means, np.inf)
     if not observation.free:

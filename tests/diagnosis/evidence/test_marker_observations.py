@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.evidence.refit import median_size
-from egophys_core.diagnosis.evidence.residuals import BLOCK_S, block_means, residuals, track_offsets
+from egophys_core.diagnosis.evidence.residuals import block_means, residuals, track_offsets
 from egophys_core.diagnosis.hypotheses.ranking import probe_effects
 from egophys_core.effects import LIBRARY
 from egophys_core.episode import Episode
@@ -100,7 +100,7 @@ def test_what_hands_move_is_not_mounted_anew(cantilever: tuple[MarkerBody, Objec
         points[50:] += np.float32(shift)
         observation = observe_markers(twin_of(body, model), replace(still, controllers=hands, points=points))
         assert not observation.mounted
-        assert observation.block_count == round(still.times[-1] / BLOCK_S)
+        assert observation.block_count == round(still.times[-1] / 0.2)
         (blocks,) = residuals([observation], [model])[0][:, :, : len(TRACKS)]
         found.append(blocks)
     moved = found[1] - found[0]
@@ -227,11 +227,11 @@ def test_slopes_of_effects_on_a_swing_are_those_near_none(
     is out of step, and tells nothing of a little of it."""
     body, model, episode = cantilever
     observation = observe_markers(twin_of(body, model), episode)
-    [base] = residuals([observation], [model])
+    [baseline] = residuals([observation], [model])
     others = [name for name in LIBRARY if name != "anisotropy"]
-    [probe] = probe_effects([observation], model, [base[0]], without=others, progress=lambda share: None)
+    [probe] = probe_effects([observation], model, [baseline[0]], without=others, progress=lambda share: None)
     there = with_effect(model, "anisotropy", {"cosine": 1e-3, "sine": 0.0})
-    fine = (residuals([observation], [there])[0][0] - base[0]) / 0.01
+    fine = (residuals([observation], [there])[0][0] - baseline[0]) / 0.01
     seen = np.isfinite(fine)
     assert np.abs(fine[seen]).max() > 1e-4
     assert probe.slopes[0][..., 0][seen] == pytest.approx(fine[seen], abs=0.25 * np.abs(fine[seen]).max())
@@ -240,9 +240,9 @@ def test_slopes_of_effects_on_a_swing_are_those_near_none(
 def test_a_still_clamp_tells_nothing_of_the_hands(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, model, episode = cantilever
     observation = observe_markers(twin_of(body, model), episode)
-    untold = unidentifiable_effects(kind_of(model), [observation])
-    assert "tracking_offset" in untold
-    assert "viscoelasticity" not in untold
+    unidentifiable = unidentifiable_effects(kind_of(model), [observation])
+    assert "tracking_offset" in unidentifiable
+    assert "viscoelasticity" not in unidentifiable
     assert observation.rate == 0.0
 
 

@@ -17,19 +17,21 @@ BASE = {"cores", "errors", "files", "geometry", "json_numbers", "options", "epis
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {
+    "lanes": set(),
     "recording": set(),
-    "effects": set(),
+    "effects": {"lanes"},
     "robot": set(),
     "reporting": set(),
     "evaluation": set(),
     "rehearsal": set(),
     "perception": {"recording"},
     "twin": {"effects"},
-    "simulation": {"twin", "effects"},
+    "simulation": {"lanes", "twin", "effects"},
     "kinds": {"twin"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
     "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
     "diagnosis": {
+        "lanes",
         "effects",
         "kinds",
         "observation",

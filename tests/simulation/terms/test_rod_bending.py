@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from egophys_core.errors import TwinError
 from egophys_core.kinds import node_masses
 from egophys_core.simulation import ContactKind, Controls, RolloutBatch, batch_of_models, rollout
 from egophys_core.simulation.terms.rod_bending import rod_bending
@@ -134,12 +133,6 @@ def test_rates_bound_the_substeps_of_a_rod_of_equal_pieces() -> None:
     assert effect.rates is not None
     fastest = 16 * 1e-3 / (0.01**3 * 1e-3)
     assert effect.rates == pytest.approx(np.array([[fastest, 0.02 * fastest]]), rel=0.02)
-
-
-def test_a_rod_must_be_a_chain() -> None:
-    model = rod(EVEN)
-    with pytest.raises(TwinError, match="each node to the next"):
-        replace(model, graph=replace(model.graph, springs=model.graph.springs[::-1].copy()))
 
 
 def test_nodes_weigh_as_much_as_their_length() -> None:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from egophys_core.errors import SimulationError, TwinError
+from egophys_core.errors import SimulationError
 from egophys_core.kinds import node_masses
 from egophys_core.simulation import ContactKind, Controls, RolloutBatch, batch_of_models, rollout
 from egophys_core.simulation.gradients import differentiate
@@ -140,13 +140,6 @@ def test_rods_are_refused_where_derivatives_are_asked_for() -> None:
     batch = thrown(rod(EVEN), clamp(EVEN, frame_times(0.02, 0.01)), rod(EVEN).graph.positions, np.zeros((22, 3)))
     with pytest.raises(SimulationError, match="rods have no derivatives"):
         differentiate(batch, lambda positions: (np.zeros(len(positions)), np.zeros_like(positions)))
-
-
-def test_a_rod_must_be_a_chain() -> None:
-    model = rod(EVEN)
-    tangled = replace(model, graph=replace(model.graph, springs=model.graph.springs[::-1].copy()))
-    with pytest.raises(TwinError, match="each node to the next"):
-        batch_of_models([tangled], [clamp(EVEN, frame_times(0.02, 0.01))], ground_height=FAR_BELOW)
 
 
 def test_nodes_weigh_as_much_as_their_length() -> None:

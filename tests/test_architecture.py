@@ -31,19 +31,21 @@ BASE = {
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {
+    "lanes": set(),
     "recording": set(),
-    "effects": set(),
+    "effects": {"lanes"},
     "robot": set(),
     "reporting": set(),
     "evaluation": set(),
     "rehearsal": set(),
     "perception": {"recording"},
     "twin": {"effects"},
-    "simulation": {"kinds", "twin", "effects"},
+    "simulation": {"lanes", "kinds", "twin", "effects"},
     "kinds": {"twin", "effects"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
     "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
     "diagnosis": {
+        "lanes",
         "effects",
         "kinds",
         "observation",

@@ -31,19 +31,21 @@ BASE = {
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {
+    "lanes": set(),
     "recording": set(),
-    "effects": set(),
+    "effects": {"lanes"},
     "robot": set(),
     "reporting": set(),
     "evaluation": set(),
     "rehearsal": set(),
     "perception": {"recording"},
     "twin": {"effects"},
-    "simulation": {"kinds", "twin", "effects"},
+    "simulation": {"lanes", "kinds", "twin", "effects"},
     "kinds": {"twin", "effects"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
     "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
     "diagnosis": {
+        "lanes",
         "effects",
         "kinds",
         "observation",
@@ -76,6 +78,9 @@ MAY_USE: dict[str, set[str]] = {
 """Which rooms a room may import from besides itself (DESIGN.md: data flow one way, never sideways)."""
 
 HEAVY = ("torch", "rclpy")
+
+SHARED = {"EpisodeError", "Observation", "Scene"}
+"""Names of classes that two rooms still share; none may be added."""
 
 
 def room_of(path: Path) -> str:
@@ -193,6 +198,24 @@ def test_every_public_name_of_a_room_is_there(room):
     assert all(hasattr(module, name) for name in getattr(module, "__all__", ()))
     with pytest.raises(AttributeError, match="no_such_name"):
         module.no_such_name  # noqa: B018
+
+
+@pytest.mark.parametrize("room", sorted(set(ROOMS) - {"cli", "diagnosis"}))
+def test_every_room_lists_public_names_that_exist(room):
+    module = importlib.import_module(f"egophys_core.{room}")
+    assert module.__all__
+    assert all(hasattr(module, name) for name in module.__all__)
+
+
+def test_no_two_classes_share_a_name():
+    sources = [*MODULES, *(PACKAGE.parent / "ros2_ws/src").rglob("*.py")]
+    places: dict[str, list[str]] = {}
+    for path in sources:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(f"{path.relative_to(PACKAGE.parent)}:{node.lineno}")
+    assert len(places) > 200
+    assert {name: each for name, each in places.items() if len(each) > 1 and name not in SHARED} == {}
 
 
 def test_errors_of_this_project_have_one_base():

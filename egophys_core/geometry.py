@@ -63,9 +63,7 @@ def rigid_fit(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.nd
     if len(source) < 3:
         turn = least_rotation(source[-1] - source[0], target[-1] - target[0])
         return turn, aim - turn @ middle
-    left, _, right = np.linalg.svd((source - middle).T @ (target - aim))
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    turn = (left @ mirror @ right).T
+    turn = nearest_rotation((source - middle).T @ (target - aim)).T
     return turn, aim - turn @ middle
 
 

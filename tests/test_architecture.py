@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -30,19 +31,21 @@ BASE = {
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {
+    "lanes": set(),
     "recording": set(),
-    "effects": set(),
+    "effects": {"lanes"},
     "robot": set(),
     "reporting": set(),
     "evaluation": set(),
     "rehearsal": set(),
     "perception": {"recording"},
     "twin": {"effects"},
-    "simulation": {"kinds", "twin", "effects"},
+    "simulation": {"lanes", "kinds", "twin", "effects"},
     "kinds": {"twin", "effects"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
     "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
     "diagnosis": {
+        "lanes",
         "effects",
         "kinds",
         "observation",
@@ -76,6 +79,9 @@ MAY_USE: dict[str, set[str]] = {
 
 HEAVY = ("torch", "rclpy")
 
+SHARED = {"EpisodeError", "Observation", "Scene"}
+"""Names of classes that two rooms still share; none may be added."""
+
 
 def room_of(path: Path) -> str:
     """The room a file is in; a module beside the rooms is one of its own."""
@@ -105,6 +111,14 @@ def modules_after_importing(name: str) -> set[str]:
     program = f"import sys, {name}; print(' '.join({{each.split('.')[0] for each in sys.modules}}))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     return set(done.stdout.split())
+
+
+def test_house_page_lists_the_rooms_in_the_order_of_imports():
+    page = (PACKAGE.parent / "docs/house.md").read_text()
+    listed = [name for name in re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) if name in ROOMS]
+    assert sorted(listed) == ROOMS
+    for index, room in enumerate(listed):
+        assert MAY_USE[room] & set(ROOMS) <= set(listed[:index]), room
 
 
 def test_every_room_is_in_the_plan():
@@ -184,6 +198,24 @@ def test_every_public_name_of_a_room_is_there(room):
     assert all(hasattr(module, name) for name in getattr(module, "__all__", ()))
     with pytest.raises(AttributeError, match="no_such_name"):
         module.no_such_name  # noqa: B018
+
+
+@pytest.mark.parametrize("room", sorted(set(ROOMS) - {"cli", "diagnosis"}))
+def test_every_room_lists_public_names_that_exist(room):
+    module = importlib.import_module(f"egophys_core.{room}")
+    assert module.__all__
+    assert all(hasattr(module, name) for name in module.__all__)
+
+
+def test_no_two_classes_share_a_name():
+    sources = [*MODULES, *(PACKAGE.parent / "ros2_ws/src").rglob("*.py")]
+    places: dict[str, list[str]] = {}
+    for path in sources:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(f"{path.relative_to(PACKAGE.parent)}:{node.lineno}")
+    assert len(places) > 200
+    assert {name: each for name, each in places.items() if len(each) > 1 and name not in SHARED} == {}
 
 
 def test_errors_of_this_project_have_one_base():

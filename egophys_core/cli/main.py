@@ -65,11 +65,11 @@ def make_parser(command: str) -> argparse.ArgumentParser:
         epilog="`egophys COMMAND --help` shows the arguments of a subcommand.",
     )
     parser.add_argument("--version", action="version", version=f"egophys {__version__}")
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     if command and command not in SUBCOMMANDS:
         near = difflib.get_close_matches(command, SUBCOMMANDS, n=1)
         hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(SUBCOMMANDS)}"
         parser.error(f"no subcommand is called {command!r}; {hint}")
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, description in SUBCOMMANDS.items():
         subparser = subparsers.add_parser(name, help=description, description=description)
         if name == command:

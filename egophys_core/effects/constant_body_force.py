@@ -1,17 +1,15 @@
 """A steady force on all of the object: wind, or a field."""
 
-from typing import Any
-
 import numpy as np
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.traits import Traits
+from egophys_core.effects.uniform_force import add_uniform_force
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """The same acceleration for all nodes, m/s^2."""
-    acceleration = np.array([values["x"], values["y"], values["z"]])
-    return Load(acceleration=np.broadcast_to(acceleration, scene.positions.shape)), None
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[3] m/s^2."""
+    return np.array([values["x"], values["y"], values["z"]])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -47,5 +45,5 @@ EFFECT = Effect(
         is_vertical=is_vertical,
     ),
     starts=starts,
-    load=load,
+    node_force=NodeForce(function=add_uniform_force, numbers=numbers),
 )

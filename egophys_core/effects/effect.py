@@ -1,9 +1,8 @@
-"""What an effect of the library is, and what it sees and does in a rollout.
+"""What an effect of the library is, and how it acts in a rollout.
 
-An effect acts in one or more places: it changes the body before a rollout (`adapt`), changes how the hands move
-(`drive`, `clock`), turns the frame in which all of it was recorded (`frame`), or loads the body anew in every frame
-(`load`). A load is held over the frame, 1/30 s or less; what depends on velocity is given as a drag, which the substeps
-apply to the velocity of the moment.
+An effect acts in one or more places: it adds forces to nodes (`node_force`) or changes the law of springs
+(`spring_law`), both in every substep, as functions of Warp; it changes the body before a rollout (`adapt`), how the
+hands moved (`drive`, `clock`), or the frame in which all of it was recorded (`frame`), as functions of NumPy.
 """
 
 from collections.abc import Callable
@@ -53,77 +52,59 @@ class Body:
     """[E] N s/m."""
     gravity: float
     """m/s^2, downward."""
+    begins: float
+    """Seconds since the start of the episode at which the rollout begins."""
+
+
+Numbers = Callable[[Values, Body], np.ndarray]
+"""From an effect's parameters and the body of a rollout to [P] what its function of Warp reads in every substep. A
+rollout that lacks the effect has zeros there, with which the function must change nothing, to the bit."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
-    """One rollout at the start of a frame."""
+class NodeForce:
+    """Forces on nodes, in every substep.
 
-    time: float
-    """Seconds since the start of the episode."""
-    duration: float
-    """Seconds to the next frame."""
-    positions: np.ndarray
-    """[N, 3] metres, world."""
-    velocities: np.ndarray
-    """[N, 3] m/s."""
-    rest_positions: np.ndarray
-    """[N, 3] metres, at rest where the twin was built."""
-    masses: np.ndarray
-    """[N] kg."""
-    springs: np.ndarray
-    """[E, 2] node indices."""
-    rest_lengths: np.ndarray
-    """[E] metres."""
-    controllers: np.ndarray
-    """[C, 3] metres."""
-    controller_velocities: np.ndarray
-    """[C, 3] m/s."""
-    held: np.ndarray
-    """[A, 2] node and controller of each controller spring that holds (not of those that press)."""
-    contact_height: float
-    """World z at which a node touches the table, metres."""
-    gravity: float
-    """m/s^2, downward."""
+    `function` is a `wp.func` that adds newtons to the forces on a range of nodes, as the simulator's own terms do::
 
-    @property
-    def strain(self) -> np.ndarray:
-        """[E] extension over rest length."""
-        along = self.positions.take(self.springs[:, 1], axis=0)
-        along -= self.positions.take(self.springs[:, 0], axis=0)
-        return np.asarray(np.sqrt(np.einsum("ij,ij->i", along, along)) / self.rest_lengths - 1.0)
+        add(group, first, last, column, time, dt, state, parameters, numbers, forces)
 
-    @property
-    def on_table(self) -> np.ndarray:
-        """[N] 0..1: how much a node lies on the table; it fades out over `CONTACT_BAND`."""
-        return np.clip(1.0 - (self.positions[:, 2] - self.contact_height) / CONTACT_BAND, 0.0, 1.0)
+    with `column` the place of the first of its numbers in `numbers` [G, P], `time` seconds since the start of the
+    rollout and `dt` seconds of the substep, 0 for a rollout that has done all of its substeps (all `Lanes`). It must
+    not read what it writes, nor use a sum over a loop but to return it, so that it can be differentiated.
+    """
 
-
-CONTACT_BAND = 0.006
-"""Metres above the height of contact at which a node no longer counts as lying on the table."""
+    function: Any
+    numbers: Numbers
+    stiffness_rate: Callable[[np.ndarray], np.ndarray] | None = None
+    """From numbers [K, P] to a bound of what it adds to omega^2, 1/s^2 [K]; None where that is no matter."""
+    damping_rate: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
+    """From numbers [K, P] and the largest speed of each rollout's nodes, m/s [K], to a bound of damping rates, 1/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Load:
-    """What an effect does to a body over one frame; what is None it leaves alone."""
+class SpringLaw:
+    """Another force law of springs than Hooke's, in every substep.
 
-    acceleration: np.ndarray | None = None
-    """[N, 3] m/s^2: force over node mass."""
-    drag: np.ndarray | None = None
-    """[N] 1/s: force over node mass and velocity, against the velocity."""
-    stiffness_factor: np.ndarray | None = None
-    """[E] times the spring's stiffness."""
-    rest_shift: np.ndarray | None = None
-    """[E] metres added to the spring's rest length."""
-    grip_shift: np.ndarray | None = None
-    """[C, 3] metres by which a controller point is away from its recorded place at the end of the frame."""
+    `function` is a `wp.func` of one spring in `LANES` rollouts, and of nothing but its arguments::
 
+        factor, shift, first, second = law(strain, first, second, dt, begun, a, b, c, d)
 
-Action = Callable[[Scene, Any], tuple[Load, Any]]
-"""From the scene and what the action remembers, None at first, to its load over the frame and its next memory."""
+    It returns the factor on the spring's stiffness; by how much its rest length grows, over the rest length; and
+    what it remembers next of up to two numbers a spring, 0 at the start. `dt` is the duration of the substep, `begun`
+    0 in the first substep of a rollout and 1 then, a to d are the law's numbers (all `Lanes`). What it remembers
+    should follow the strain after the force of that strain: then it does not delay the force, and takes energy only.
+    """
 
-LoadFunction = Callable[[Values, Scene, Any], tuple[Load, Any]]
-"""From parameters, scene and what the effect remembers (None at the start) to the load and what it remembers next."""
+    function: Any
+    numbers: Numbers
+    """At most four."""
+    memories: int = 0
+    """How many numbers of a spring it remembers."""
+    stiffening: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    """From numbers [K, P] and each rollout's largest strain [K] to the largest slope of its force, over Hooke's."""
+    follows_strain: bool = False
+    """Whether `stiffening` depends on the strain, which is then looked up in every frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,10 +127,14 @@ class Effect:
     ) = None
     """For an effect whose load is a sum: its pieces, and how much of each [S, K] is in each of S starts. The pieces
     are simulated in place of the starts, of which there may then be many."""
-    load: LoadFunction | None = None
+    without_derivative: tuple[str, ...] = ()
+    """Parameters by which what happens changes in jumps alone, if at all."""
+    node_force: NodeForce | None = None
+    spring_law: SpringLaw | None = None
     adapt: Callable[[Values, Body], Body] | None = None
-    drive: Callable[[Values, np.ndarray, np.ndarray], np.ndarray] | None = None
-    """From values, times [F] and controllers [F, C, 3] to where the hands truly were, [F, C, 3] metres."""
+    drive: Callable[[Values, np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None
+    """From values, times [F], controllers [F, C, 3] and whether they hold [F, C] to where the hands truly were,
+    [F, C, 3] metres."""
     frame: Callable[[Values], np.ndarray] | None = None
     """From values to the rotation [3, 3] from the world, upright and with a level table, to the frame of the record."""
     clock: Callable[[Values, np.ndarray], np.ndarray] | None = None

@@ -1,12 +1,9 @@
 """The object slides through the hand."""
 
-from typing import Any
-
 import numpy as np
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
-from egophys_core.effects.hands import holding
-from egophys_core.effects.timing import LATEST, share_of_frame
+from egophys_core.effects.effect import Effect, Parameter, Surroundings, Values
+from egophys_core.effects.timing import LATEST
 from egophys_core.effects.traits import Measurement, Need, Traits
 
 FARTHEST = 0.3
@@ -16,21 +13,23 @@ ONSETS = 8
 """Times at which the search for a slip starts: a refit moves an onset by some tenths of a second."""
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """Moves what is held through the hand, from the onset on for as long as it holds."""
-    before = np.zeros(scene.controllers.shape) if memory is None else memory
-    velocity = np.array([values["x"], values["y"], values["z"]])
-    way = scene.duration * share_of_frame(scene, values["onset"], np.inf)
-    shift = np.where(holding(scene)[:, None], before + way * velocity, 0.0)
-    length = np.linalg.norm(shift, axis=1)[:, None]
-    shift *= np.minimum(1.0, FARTHEST / np.maximum(length, FARTHEST))
-    return Load(grip_shift=shift), shift
+def drive(values: Values, times: np.ndarray, controllers: np.ndarray, holds: np.ndarray) -> np.ndarray:
+    """Moves what is held through the hand, from the onset on for as long as it holds.
 
-
-def held_displacement(values: Values, times: np.ndarray) -> np.ndarray:
-    """How far what is held all the time has slid, [F, 3] metres."""
+    Where it was when the hand lets go it stays for a frame more, so that the hand's speed says nothing of its way back.
+    """
+    frames = np.arange(len(times))[:, None]
+    slips = np.maximum(times - values["onset"], 0.0)
+    # The end of the last frame of a hold belongs to it, and the frame after that as well.
+    lasts = np.stack([np.pad(holds, ((by, 0), (0, 0)))[: len(times)] for by in (0, 1, 2)]).any(axis=0) & (frames > 0)
+    begins = holds & ~np.pad(holds, ((1, 0), (0, 0)))[:-1]
+    ends = np.pad(holds, ((1, 0), (0, 0)))[:-1] & ~holds
+    since = np.maximum.accumulate(np.where(begins, frames, 0), axis=0)
+    until = np.where(holds, frames, np.maximum.accumulate(np.where(ends, frames, 0), axis=0))
+    seconds = np.where(lasts & ~begins, slips[until] - slips[since], 0.0)
     velocity = np.array([values["x"], values["y"], values["z"]])
-    return np.asarray(np.maximum(times - values["onset"], 0.0)[:, None] * velocity)
+    farthest = FARTHEST / max(float(np.linalg.norm(velocity)), 1e-9)
+    return np.asarray(controllers + np.minimum(seconds, farthest)[..., None] * velocity)
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -55,9 +54,8 @@ EFFECT = Effect(
         "the object",
         needs=frozenset({Need.MOVING_GRIP}),
         measured_by=Measurement.GRIPS,
-        held_displacement=held_displacement,
         is_event=True,
     ),
     starts=starts,
-    load=load,
+    drive=drive,
 )

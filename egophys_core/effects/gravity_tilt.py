@@ -1,18 +1,17 @@
 """The world's z axis is not upright."""
 
-from typing import Any
-
 import numpy as np
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.rotations import rotation
 from egophys_core.effects.traits import Traits
+from egophys_core.effects.uniform_force import add_uniform_force
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """What turning gravity adds to it, m/s^2."""
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[3] m/s^2: what turning gravity adds to it."""
     turned = rotation(np.array([values["about_x"], values["about_y"], 0.0])) - np.eye(3)
-    return Load(acceleration=np.broadcast_to(-scene.gravity * turned[:, 2], scene.positions.shape)), None
+    return np.asarray(-body.gravity * turned[:, 2])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -38,5 +37,5 @@ EFFECT = Effect(
         equivalent_in_air=("tracking_rotation",),
     ),
     starts=starts,
-    load=load,
+    node_force=NodeForce(function=add_uniform_force, numbers=numbers),
 )

@@ -10,7 +10,7 @@ FRAMES_APART = 10
 """Frames between those in which points are compared to tell which belong to one hand."""
 
 
-def drive(values: Values, times: np.ndarray, controllers: np.ndarray) -> np.ndarray:
+def drive(values: Values, times: np.ndarray, controllers: np.ndarray, holds: np.ndarray) -> np.ndarray:
     """The hands moved by an offset that turns with them; its axes are the world's in the first frame."""
     offset = np.array([values["x"], values["y"], values["z"]])
     moved = controllers.copy()

@@ -2,20 +2,11 @@
 
 import numpy as np
 
-from egophys_core.effects.effect import Scene
-
 HAND_SIZE = 0.15
 """Metres: controller points nearer to each other than this are taken for one hand."""
 
 LEAST_WIDTH = 0.003
 """Metres: points of a hand that spread less than this across their line say nothing of how it turns."""
-
-
-def holding(scene: Scene) -> np.ndarray:
-    """[C] bool: controllers that hold or press."""
-    holds = np.zeros(len(scene.controllers), bool)
-    holds[scene.held[:, 1]] = True
-    return holds
 
 
 def turns(points: np.ndarray) -> np.ndarray:

@@ -1,33 +1,94 @@
 """A thread that ties a place of the object to an anchor, at the height where that place lay at rest."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.places import CORNERS, longest_axes, spread, weights_around
 from egophys_core.effects.traits import Traits
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 
 PATCH_RADIUS = 0.01
 """Metres: the thread holds the nodes within about twice this."""
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """The pull of the thread on the nodes it holds, m/s^2.
+SHORTEST = 1e-9
+"""Metres: guards the division by the distance at the anchor."""
 
-    Taken for the middle of the frame, so that a load held over the frame gives the tether no energy.
+FIRST_WEIGHT = 6
+"""Column of the weight of the first node, after stiffness, length, anchor and the bound of the stiffness rate."""
+
+
+@wp.func
+def place_held(group: int, column: int, nodes: int, state: StateArrays, numbers: wp.array2d(dtype=Lanes)):
+    """Where the thread is tied to the object now, metres.
+
+    A function of its own: Warp's adjoint of a function knows no sum over a loop once the loop is over.
     """
-    if memory is None:
-        place = np.array([values["x"], values["y"], values["z"]])
-        weights = weights_around(scene.rest_positions, place, PATCH_RADIUS)
-        memory = weights, weights @ scene.positions + (values["anchor_x"], values["anchor_y"], 0.0)
-    weights, anchor = memory
-    offset = anchor - weights @ (scene.positions + 0.5 * scene.duration * scene.velocities)
-    distance = float(np.linalg.norm(offset))
-    if distance <= values["length"]:
-        return Load(), memory
-    pull = values["stiffness"] * (1.0 - values["length"] / distance) * offset
-    return Load(acceleration=(scene.masses.sum() * weights / scene.masses)[:, None] * pull), memory
+    x = Lanes()
+    y = Lanes()
+    z = Lanes()
+    for node in range(nodes):
+        weight = numbers[group, column + FIRST_WEIGHT + node]
+        x += wp.cw_mul(weight, state.positions[group, node, 0])
+        y += wp.cw_mul(weight, state.positions[group, node, 1])
+        z += wp.cw_mul(weight, state.positions[group, node, 2])
+    return x, y, z
+
+
+@wp.func
+def add_tether(
+    group: int,
+    first: int,
+    last: int,
+    column: int,
+    time: Lanes,
+    dt: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    numbers: wp.array2d(dtype=Lanes),
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add the pull of the thread to the nodes that it holds, by their weights, N.
+
+    Numbers: M stiffness, N/m; length, m; anchor, m; a bound; and the weights, of sum 1, by which nodes are held.
+    """
+    strength = numbers[group, column]
+    held_x, held_y, held_z = place_held(group, column, parameters.masses.shape[1], state, numbers)
+    x = numbers[group, column + 2] - held_x
+    y = numbers[group, column + 3] - held_y
+    z = numbers[group, column + 4] - held_z
+    squared = wp.cw_mul(x, x) + wp.cw_mul(y, y) + wp.cw_mul(z, z)
+    length = numbers[group, column + 1]
+    pull = Lanes()
+    for lane in range(LANES):
+        distance = wp.sqrt(wp.max(squared[lane], SHORTEST * SHORTEST))
+        # A slack thread does not pull.
+        pull[lane] = strength[lane] * wp.max(distance - length[lane], 0.0) / distance
+    fx = wp.cw_mul(pull, x)
+    fy = wp.cw_mul(pull, y)
+    fz = wp.cw_mul(pull, z)
+    for node in range(first, last):
+        weight = numbers[group, column + FIRST_WEIGHT + node]
+        forces[group, node, 0] += wp.cw_mul(weight, fx)
+        forces[group, node, 1] += wp.cw_mul(weight, fy)
+        forces[group, node, 2] += wp.cw_mul(weight, fz)
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[6 + N] what `add_tether` reads."""
+    place = np.array([values["x"], values["y"], values["z"]])
+    weights = weights_around(body.rest_positions, place, PATCH_RADIUS)
+    anchor = weights @ body.positions + (values["anchor_x"], values["anchor_y"], 0.0)
+    strength = body.masses.sum() * values["stiffness"]
+    bound = strength * float((weights**2 / body.masses).sum())
+    return np.array([strength, values["length"], *anchor, bound, *weights])
+
+
+def stiffness_rate(numbers: np.ndarray) -> np.ndarray:
+    """[K] 1/s^2: the largest eigenvalue of the thread alone, taut."""
+    return numbers[:, FIRST_WEIGHT - 1]
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -68,5 +129,5 @@ EFFECT = Effect(
         experiment="put it down somewhere else and repeat the motion: a snag stays behind, a lump comes along",
     ),
     starts=starts,
-    load=load,
+    node_force=NodeForce(function=add_tether, numbers=numbers, stiffness_rate=stiffness_rate),
 )

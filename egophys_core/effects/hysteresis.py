@@ -1,36 +1,49 @@
 """Material that rubs within itself: another force on the way out than on the way back, however slow."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, Parameter, SpringLaw, Surroundings, Values
 from egophys_core.effects.traits import Need, Traits
+from egophys_core.lanes import LANES, Lanes
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """The friction between fibres: elastic within a frame, z from where it slipped to up to its start.
+@wp.func
+def rubbing(
+    strain: Lanes, first: Lanes, second: Lanes, dt: Lanes, begun: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes
+):
+    """The friction between fibres: within a step it is elastic, from where z was; then z follows the strain.
 
-    So friction only ever takes energy. A load that held z itself would swing from frame to frame as soon as the
-    strength is above 1.
+    Numbers: strength; strength / (1 + strength); scale; 1 / scale. It remembers z and the strain that z followed.
+    What z goes towards 0 it goes straight, what it goes away from 0 it goes exponentially towards 1 or -1: by
+    1 / (1 + u + u^2 / 2) for exp(-u), u = de / scale being small within a step.
     """
-    strain, strength, scale = scene.strain, values["strength"], values["strain"]
-    z, before = (np.zeros_like(strain), strain) if memory is None else memory
-    z = followed(z, (strain - before) / scale)
-    shift = strength / (1.0 + strength) * (strain - scale * z)
-    return (
-        Load(stiffness_factor=np.full(len(strain), 1.0 + strength), rest_shift=shift * scene.rest_lengths),
-        (z, strain),
-    )
+    z = Lanes()
+    followed = Lanes()
+    for lane in range(LANES):
+        # A rollout that has done all of its substeps waits for others, and remembers what it did.
+        advances = wp.step(-dt[lane])
+        followed[lane] = wp.where(advances > 0.0, strain[lane], second[lane])
+        way = begun[lane] * advances * (strain[lane] - second[lane]) * d[lane]
+        there = first[lane] + way
+        # What of the way leads away from 0.
+        away = wp.max(wp.min(there, way), 0.0) + wp.min(wp.max(there, way), 0.0)
+        size = wp.abs(away)
+        half = 0.5 * size
+        z[lane] = (there + away * half) / (1.0 + size + size * half)
+    # In the first step there is no strain to have come from.
+    return Lanes(1.0) + wp.cw_mul(begun, a), wp.cw_mul(b, second - wp.cw_mul(c, first)), z, followed
 
 
-def followed(z: np.ndarray, way: np.ndarray) -> np.ndarray:
-    """z after a way in one direction, exactly: straight back to 0, from there towards 1 or -1 exponentially."""
-    direction = np.sign(way)
-    ahead, left = direction * z, np.abs(way)
-    back = np.minimum(left, np.maximum(-ahead, 0.0))
-    reached = 1.0 - (1.0 - ahead - back) * np.exp(back - left)
-    return np.where(direction == 0.0, z, direction * reached)
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[4] what `rubbing` reads."""
+    strength, scale = values["strength"], values["strain"]
+    return np.array([strength, strength / (1.0 + strength), scale, 1.0 / scale])
+
+
+def stiffening(numbers: np.ndarray, strains: np.ndarray) -> np.ndarray:
+    """[K] before fibres slip."""
+    return 1.0 + numbers[:, 0]
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -55,5 +68,5 @@ EFFECT = Effect(
         degenerate_parameter="strain",
     ),
     starts=starts,
-    load=load,
+    spring_law=SpringLaw(function=rubbing, numbers=numbers, memories=2, stiffening=stiffening),
 )

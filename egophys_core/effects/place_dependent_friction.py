@@ -1,25 +1,53 @@
 """A patch of the table that is rougher or smoother than the rest."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.places import CORNERS, HORIZONTAL, spread
-from egophys_core.effects.table_friction import bearing, pressed
+from egophys_core.effects.table_friction import bearing, press
 from egophys_core.effects.traits import Need, Traits
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 
 EDGE = 0.25
 """Share of the radius over which the patch begins."""
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """What presses nodes in the patch onto the table, m/s^2."""
-    borne = bearing(scene) if memory is None else memory
-    offset = scene.positions[:, :2] - (values["x"], values["y"])
-    outside = np.sqrt(np.einsum("ij,ij->i", offset, offset)) / values["radius"] - 1.0
-    inside = np.clip(0.5 - outside / EDGE, 0.0, 1.0)
-    return Load(acceleration=pressed(scene, values["change"] * inside, borne)), borne
+SMALLEST_DISTANCE = 1e-9
+"""Metres: guards the slope of the distance in the middle of the patch."""
+
+
+@wp.func
+def add_patch(
+    group: int,
+    first: int,
+    last: int,
+    column: int,
+    time: Lanes,
+    dt: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    numbers: wp.array2d(dtype=Lanes),
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add what presses nodes in the patch onto the table, N; numbers: place, m; 1 / radius; change times bearing."""
+    change = numbers[group, column + 3]
+    for node in range(first, last):
+        x = state.positions[group, node, 0] - numbers[group, column]
+        y = state.positions[group, node, 1] - numbers[group, column + 1]
+        squared = wp.cw_mul(x, x) + wp.cw_mul(y, y)
+        inside = Lanes()
+        for lane in range(LANES):
+            distance = wp.sqrt(wp.max(squared[lane], SMALLEST_DISTANCE * SMALLEST_DISTANCE))
+            outside = distance * numbers[group, column + 2][lane] - 1.0
+            inside[lane] = wp.min(wp.max(0.5 - outside / EDGE, 0.0), 1.0)
+        press(group, node, wp.cw_mul(change, inside), state, parameters, forces)
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[4] what `add_patch` reads."""
+    return np.array([values["x"], values["y"], 1.0 / values["radius"], values["change"] * bearing(body)])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -49,5 +77,5 @@ EFFECT = Effect(
         needs=frozenset({Need.TABLE}),
     ),
     starts=starts,
-    load=load,
+    node_force=NodeForce(function=add_patch, numbers=numbers),
 )

@@ -1,28 +1,42 @@
 """Material that stays deformed when it was strained too far."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, Parameter, SpringLaw, Surroundings, Values
 from egophys_core.effects.traits import Need, Traits
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.exponential import gone
 
 LARGEST_SET = 0.8
 """Share of its length that a spring can lose or gain for good."""
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """Rest lengths flow by the strain above the yield strain.
+@wp.func
+def flowing(
+    strain: Lanes, first: Lanes, second: Lanes, dt: Lanes, begun: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes
+):
+    """Rest lengths flow by the strain beyond the yield strain (a return map, Simo and Hughes, sec. 1.7).
 
-    At the start of a frame they take up what flowed in the last one; in the frame springs are elastic. So flow only
-    ever takes energy (a return map, Simo and Hughes, sec. 1.7).
+    Numbers: yield strain; flow, 1/s. It remembers the strain that stays.
     """
-    lasting = np.zeros(len(scene.springs)) if memory is None else memory
-    elastic = scene.strain - lasting
-    excess = elastic - np.clip(elastic, -values["yield_strain"], values["yield_strain"])
-    flowed = lasting + excess * (1.0 - np.exp(-values["flow"] * scene.duration))
-    lasting = np.clip(flowed, -LARGEST_SET, LARGEST_SET)
-    return Load(rest_shift=lasting * scene.rest_lengths), lasting
+    share = gone(wp.cw_mul(dt, b))
+    lasting = Lanes()
+    for lane in range(LANES):
+        elastic = strain[lane] - first[lane]
+        excess = wp.max(elastic - a[lane], 0.0) + wp.min(elastic + a[lane], 0.0)
+        lasting[lane] = wp.min(wp.max(first[lane] + share[lane] * excess, -LARGEST_SET), LARGEST_SET)
+    return Lanes(1.0), first, lasting, second
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[2] what `flowing` reads."""
+    return np.array([values["yield_strain"], values["flow"]])
+
+
+def stiffening(numbers: np.ndarray, strains: np.ndarray) -> np.ndarray:
+    """[K] none: a plastic spring is at most as stiff as an elastic one."""
+    return np.ones(len(numbers))
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -45,5 +59,5 @@ EFFECT = Effect(
         needs=frozenset({Need.SPRINGS}),
     ),
     starts=starts,
-    load=load,
+    spring_law=SpringLaw(function=flowing, numbers=numbers, memories=1, stiffening=stiffening),
 )

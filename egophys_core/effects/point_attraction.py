@@ -1,24 +1,55 @@
 """A point in the room that attracts the object, or repels it."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.places import CORNERS, HORIZONTAL, spread
 from egophys_core.effects.traits import Traits
+from egophys_core.lanes import Lanes
+from egophys_core.lanes.exponential import falling
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 
 SEARCH_RANGES = (0.25, 0.5)
 """Ranges at the starts, over the larger horizontal size of the region in which the object was seen."""
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """Acceleration towards the point, m/s^2: largest at the distance `range`, 0 at the point and far away."""
-    offset = np.array([values["x"], values["y"], values["z"]]) - scene.positions
-    offset /= values["range"]
-    squared = np.einsum("ij,ij->i", offset, offset)
-    offset *= (values["strength"] * np.exp(0.5 - 0.5 * squared))[:, None]
-    return Load(acceleration=offset), None
+@wp.func
+def add_attraction(
+    group: int,
+    first: int,
+    last: int,
+    column: int,
+    time: Lanes,
+    dt: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    numbers: wp.array2d(dtype=Lanes),
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add m strength d / range exp((1 - |d|^2 / range^2) / 2), N; numbers: place, m; strength sqrt(e); 1 / range."""
+    strength = numbers[group, column + 3]
+    inverse_range = numbers[group, column + 4]
+    for node in range(first, last):
+        x = wp.cw_mul(inverse_range, numbers[group, column] - state.positions[group, node, 0])
+        y = wp.cw_mul(inverse_range, numbers[group, column + 1] - state.positions[group, node, 1])
+        z = wp.cw_mul(inverse_range, numbers[group, column + 2] - state.positions[group, node, 2])
+        fading = falling(0.5 * (wp.cw_mul(x, x) + wp.cw_mul(y, y) + wp.cw_mul(z, z)))
+        pull = wp.cw_mul(parameters.masses[group, node], wp.cw_mul(strength, fading))
+        forces[group, node, 0] += wp.cw_mul(pull, x)
+        forces[group, node, 1] += wp.cw_mul(pull, y)
+        forces[group, node, 2] += wp.cw_mul(pull, z)
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[5] what `add_attraction` reads."""
+    place = [values["x"], values["y"], values["z"]]
+    return np.array([*place, values["strength"] * np.sqrt(np.e), 1.0 / values["range"]])
+
+
+def stiffness_rate(numbers: np.ndarray) -> np.ndarray:
+    """[K] 1/s^2: the steepest slope of the pull, at the point."""
+    return np.abs(numbers[:, 3]) * numbers[:, 4]
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -49,5 +80,5 @@ EFFECT = Effect(
         special_cases=("constant_body_force", "gravity_tilt", "gravity_scale"),
     ),
     starts=starts,
-    load=load,
+    node_force=NodeForce(function=add_attraction, numbers=numbers, stiffness_rate=stiffness_rate),
 )

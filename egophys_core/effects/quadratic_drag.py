@@ -1,16 +1,58 @@
 """Air that resists with the square of the speed."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.traits import Traits
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
+
+SMALLEST_SPEED = 1e-9
+"""m/s: guards the slope of the speed at rest."""
+
+SHORTEST = 1e-9
+"""Seconds: guards the division by the duration of a substep that a rollout does not take."""
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """Drag rate c |v| of each node, 1/s."""
-    return Load(drag=values["coefficient"] * np.linalg.norm(scene.velocities, axis=1)), None
+@wp.func
+def add_drag(
+    group: int,
+    first: int,
+    last: int,
+    column: int,
+    time: Lanes,
+    dt: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    numbers: wp.array2d(dtype=Lanes),
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add -m c |v| v, N; numbers: c, 1/m. At most what stops a node within the substep: drag never turns it round."""
+    coefficient = numbers[group, column]
+    for node in range(first, last):
+        vx = state.velocities[group, node, 0]
+        vy = state.velocities[group, node, 1]
+        vz = state.velocities[group, node, 2]
+        squared = wp.cw_mul(vx, vx) + wp.cw_mul(vy, vy) + wp.cw_mul(vz, vz)
+        rate = Lanes()
+        for lane in range(LANES):
+            speed = wp.sqrt(wp.max(squared[lane], SMALLEST_SPEED * SMALLEST_SPEED))
+            rate[lane] = wp.min(coefficient[lane] * speed, 1.0 / wp.max(dt[lane], SHORTEST))
+        rate = wp.cw_mul(parameters.masses[group, node], rate)
+        forces[group, node, 0] -= wp.cw_mul(rate, vx)
+        forces[group, node, 1] -= wp.cw_mul(rate, vy)
+        forces[group, node, 2] -= wp.cw_mul(rate, vz)
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[1] c, 1/m."""
+    return np.array([values["coefficient"]])
+
+
+def damping_rate(numbers: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """[K] 1/s: the slope of c |v| v."""
+    return 2.0 * numbers[:, 0] * speeds
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -30,5 +72,5 @@ EFFECT = Effect(
         same_in_every_motion=True,
     ),
     starts=starts,
-    load=load,
+    node_force=NodeForce(function=add_drag, numbers=numbers, damping_rate=damping_rate),
 )

@@ -1,25 +1,36 @@
 """Material that becomes stiffer the more it is stretched."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, Parameter, SpringLaw, Surroundings, Values
 from egophys_core.effects.traits import Need, Traits
+from egophys_core.lanes import LANES, Lanes
 
 LARGEST_RISE = 6.0
 """Secant stiffness gained at most, over that at rest: what a simulation can still afford."""
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """The tangent of the force law at the strain at the start of the frame: its slope, and where it is 0.
+@wp.func
+def stiffened(
+    strain: Lanes, first: Lanes, second: Lanes, dt: Lanes, begun: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes
+):
+    """Secant stiffness 1 + c e^2 of a stretched spring; numbers: c."""
+    factor = Lanes()
+    for lane in range(LANES):
+        stretch = wp.max(strain[lane], 0.0)
+        factor[lane] = 1.0 + wp.min(a[lane] * stretch * stretch, LARGEST_RISE)
+    return factor, Lanes(), first, second
 
-    With the secant instead, springs under load would swing from frame to frame once c e^2 is above 1.
-    """
-    strain = np.maximum(scene.strain, 0.0)
-    rise = np.minimum(values["coefficient"] * strain**2, LARGEST_RISE)
-    factor = 1.0 + 3.0 * rise
-    return Load(stiffness_factor=factor, rest_shift=2.0 * rise * strain / factor * scene.rest_lengths), None
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[1] c."""
+    return np.array([values["coefficient"]])
+
+
+def stiffening(numbers: np.ndarray, strains: np.ndarray) -> np.ndarray:
+    """[K] the slope 1 + 3 c e^2."""
+    return 1.0 + 3.0 * np.minimum(numbers[:, 0] * np.maximum(strains, 0.0) ** 2, LARGEST_RISE)
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -39,5 +50,5 @@ EFFECT = Effect(
         needs=frozenset({Need.SPRINGS}),
     ),
     starts=starts,
-    load=load,
+    spring_law=SpringLaw(function=stiffened, numbers=numbers, stiffening=stiffening, follows_strain=True),
 )

@@ -1,20 +1,42 @@
 """Friction that is larger at rest than when sliding."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
-from egophys_core.effects.table_friction import bearing, pressed
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
+from egophys_core.effects.table_friction import bearing, press
 from egophys_core.effects.traits import Need, Traits
+from egophys_core.lanes import Lanes
+from egophys_core.lanes.exponential import falling
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """What presses slow nodes onto the table, m/s^2."""
-    borne = bearing(scene) if memory is None else memory
-    velocities = scene.velocities[:, :2]
-    squared = np.einsum("ij,ij->i", velocities, velocities) / values["speed"] ** 2
-    return Load(acceleration=pressed(scene, values["rise"] * np.exp(-squared), borne)), borne
+@wp.func
+def add_stiction(
+    group: int,
+    first: int,
+    last: int,
+    column: int,
+    time: Lanes,
+    dt: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    numbers: wp.array2d(dtype=Lanes),
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add what presses slow nodes onto the table, N; numbers: rise times bearing; 1 / speed^2, s^2/m^2."""
+    rise = numbers[group, column]
+    for node in range(first, last):
+        vx = state.velocities[group, node, 0]
+        vy = state.velocities[group, node, 1]
+        squared = wp.cw_mul(vx, vx) + wp.cw_mul(vy, vy)
+        change = wp.cw_mul(rise, falling(wp.cw_mul(numbers[group, column + 1], squared)))
+        press(group, node, change, state, parameters, forces)
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[2] what `add_stiction` reads."""
+    return np.array([values["rise"] * bearing(body), values["speed"] ** -2])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -37,5 +59,5 @@ EFFECT = Effect(
         needs=frozenset({Need.TABLE}),
     ),
     starts=starts,
-    load=load,
+    node_force=NodeForce(function=add_stiction, numbers=numbers),
 )

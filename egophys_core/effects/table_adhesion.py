@@ -1,28 +1,48 @@
 """The table holds back what is lifted off it."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.traits import Need, Traits
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.exponential import falling
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 
-SHORTEST_PATH = 1e-3
-"""In units of the reach: nodes that move less in a frame feel the pull where they are."""
+
+@wp.func
+def add_adhesion(
+    group: int,
+    first: int,
+    last: int,
+    column: int,
+    time: Lanes,
+    dt: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    numbers: wp.array2d(dtype=Lanes),
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add -m strength u exp(1 - u), N, upward; numbers: strength e, m/s^2; 1 / reach, 1/m."""
+    strength = numbers[group, column]
+    inverse_reach = numbers[group, column + 1]
+    height = parameters.contact_height[group]
+    for node in range(first, last):
+        above = Lanes()
+        for lane in range(LANES):
+            above[lane] = wp.max(state.positions[group, node, 2][lane] - height[lane], 0.0) * inverse_reach[lane]
+        pull = wp.cw_mul(wp.cw_mul(strength, above), falling(above))
+        forces[group, node, 2] -= wp.cw_mul(parameters.masses[group, node], pull)
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """Pull towards the table, m/s^2: its mean over the heights that a node passes in the frame."""
-    begin = np.maximum(scene.positions[:, 2] - scene.contact_height, 0.0) / values["reach"]
-    end = np.maximum(begin + scene.velocities[:, 2] * scene.duration / values["reach"], 0.0)
-    path = end - begin
-    moves = np.abs(path) > SHORTEST_PATH
-    # u exp(1 - u) is the derivative of -(1 + u) exp(1 - u).
-    work = (1.0 + begin) * np.exp(1.0 - begin) - (1.0 + end) * np.exp(1.0 - end)
-    pull = np.where(moves, work / np.where(moves, path, 1.0), begin * np.exp(1.0 - begin))
-    acceleration = np.zeros_like(scene.positions)
-    acceleration[:, 2] = -values["strength"] * pull
-    return Load(acceleration=acceleration), None
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[2] what `add_adhesion` reads."""
+    return np.array([values["strength"] * np.e, 1.0 / values["reach"]])
+
+
+def stiffness_rate(numbers: np.ndarray) -> np.ndarray:
+    """[K] 1/s^2: the steepest slope of the pull, on the table."""
+    return numbers[:, 0] * numbers[:, 1]
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -45,5 +65,5 @@ EFFECT = Effect(
         needs=frozenset({Need.TABLE}),
     ),
     starts=starts,
-    load=load,
+    node_force=NodeForce(function=add_adhesion, numbers=numbers, stiffness_rate=stiffness_rate),
 )

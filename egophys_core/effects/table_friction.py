@@ -6,21 +6,44 @@ the table it is also that much heavier, which holds it back by a few millimetres
 """
 
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import CONTACT_BAND, Scene
+from egophys_core.effects.effect import Body
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
+
+CONTACT_BAND = 0.006
+"""Metres above the height of contact at which a node no longer counts as lying on the table."""
 
 LARGEST_BEARING = 4.0
 """A node bears at most this many times its own weight: of a solid that is held, the table bears less than all."""
 
 
-def bearing(scene: Scene) -> float:
+def bearing(body: Body) -> float:
     """Weight on a node that touches the table over its own: 1 for a sheet that lies flat, more for a solid."""
-    heights = scene.rest_positions[:, 2]
+    heights = body.rest_positions[:, 2]
     return min(1.0 / float(np.mean(heights < heights.min() + CONTACT_BAND)), LARGEST_BEARING)
 
 
-def pressed(scene: Scene, change: np.ndarray, borne: float) -> np.ndarray:
-    """[N, 3] m/s^2 that change the friction of each node by `change` [N] times the table's, given its `bearing`."""
-    acceleration = np.zeros_like(scene.positions)
-    acceleration[:, 2] = -scene.gravity * borne * change * scene.on_table
-    return acceleration
+@wp.func
+def on_table(height: Lanes) -> Lanes:
+    """0..1: how much a node, metres above contact, lies on the table; it fades out over `CONTACT_BAND`."""
+    share = Lanes()
+    for lane in range(LANES):
+        share[lane] = wp.min(wp.max(1.0 - height[lane] / CONTACT_BAND, 0.0), 1.0)
+    return share
+
+
+@wp.func
+def press(
+    group: int,
+    node: int,
+    change: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add the force, N, that changes the friction of a node by `change` times the table's, its bearing included."""
+    lies = on_table(state.positions[group, node, 2] - parameters.contact_height[group])
+    weight = wp.cw_mul(parameters.masses[group, node], parameters.gravity[group])
+    forces[group, node, 2] -= wp.cw_mul(weight, wp.cw_mul(change, lies))

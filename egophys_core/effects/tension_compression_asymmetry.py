@@ -1,16 +1,32 @@
 """Material that is stiffer, or softer, when pressed than when pulled."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, Parameter, SpringLaw, Surroundings, Values
 from egophys_core.effects.traits import Need, Traits
+from egophys_core.lanes import LANES, Lanes
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """Another stiffness for springs that are shorter than at rest."""
-    return Load(stiffness_factor=np.where(scene.strain < 0.0, 1.0 + values["change"], 1.0)), None
+@wp.func
+def pressed_otherwise(
+    strain: Lanes, first: Lanes, second: Lanes, dt: Lanes, begun: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes
+):
+    """Stiffness 1 + change of a spring that is shorter than at rest; numbers: change."""
+    factor = Lanes()
+    for lane in range(LANES):
+        factor[lane] = 1.0 + a[lane] * wp.step(strain[lane])
+    return factor, Lanes(), first, second
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[1] the change."""
+    return np.array([values["change"]])
+
+
+def stiffening(numbers: np.ndarray, strains: np.ndarray) -> np.ndarray:
+    """[K] the larger of both slopes."""
+    return np.maximum(1.0, 1.0 + numbers[:, 0])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -30,5 +46,5 @@ EFFECT = Effect(
         needs=frozenset({Need.SPRINGS}),
     ),
     starts=starts,
-    load=load,
+    spring_law=SpringLaw(function=pressed_otherwise, numbers=numbers, stiffening=stiffening),
 )

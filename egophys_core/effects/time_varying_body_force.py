@@ -1,13 +1,15 @@
 """A force on all of the object for some time: a gust."""
 
 from itertools import product
-from typing import Any
 
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
-from egophys_core.effects.timing import LATEST, share_of_frame
+from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
+from egophys_core.effects.timing import LATEST
 from egophys_core.effects.traits import Traits
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 
 PIECES = 12
 """Parts of the time of contact that are simulated; gusts and oscillations are sums of them."""
@@ -27,19 +29,55 @@ ONSETS = (0, 2, 4, 6)
 SIZE = {"x": 0.5, "y": 0.5, "z": 0.5}
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """The same acceleration for all nodes while it lasts, m/s^2; of a frame in which it begins or ends, its share."""
-    share = share_of_frame(scene, values["onset"], values["onset"] + values["duration"])
-    if share == 0.0:
-        return Load(), None
-    now = share * swing(values, scene.time + 0.5 * scene.duration)
-    acceleration = now * np.array([values["x"], values["y"], values["z"]])
-    return Load(acceleration=np.broadcast_to(acceleration, scene.positions.shape)), None
+SHORTEST = 1e-9
+"""Seconds: guards the division by the duration of a substep that a rollout does not take."""
 
 
-def swing(values: Values, time: float | np.ndarray) -> Any:
+@wp.func
+def add_gust(
+    group: int,
+    first: int,
+    last: int,
+    column: int,
+    time: Lanes,
+    dt: Lanes,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    numbers: wp.array2d(dtype=Lanes),
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Add m a(t), N, of a substep in which it begins or ends for its share.
+
+    Numbers: a, m/s^2; when it begins and ends, seconds since the start of the rollout; 2 pi frequency, rad/s; phase.
+    """
+    now = Lanes()
+    for lane in range(LANES):
+        after = numbers[group, column + 3][lane] - time[lane]
+        left = numbers[group, column + 4][lane] - time[lane]
+        lasts = wp.max(wp.min(left, dt[lane]) - wp.max(after, 0.0), 0.0)
+        angle = numbers[group, column + 5][lane] * (0.5 * dt[lane] - after) - numbers[group, column + 6][lane]
+        now[lane] = lasts / wp.max(dt[lane], SHORTEST) * wp.cos(angle)
+    x = wp.cw_mul(now, numbers[group, column])
+    y = wp.cw_mul(now, numbers[group, column + 1])
+    z = wp.cw_mul(now, numbers[group, column + 2])
+    for node in range(first, last):
+        mass = parameters.masses[group, node]
+        forces[group, node, 0] += wp.cw_mul(mass, x)
+        forces[group, node, 1] += wp.cw_mul(mass, y)
+        forces[group, node, 2] += wp.cw_mul(mass, z)
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[7] what `add_gust` reads."""
+    begins = values["onset"] - body.begins
+    ends = begins + values["duration"]
+    pulsation = 2.0 * np.pi * values["frequency"]
+    return np.array([values["x"], values["y"], values["z"], begins, ends, pulsation, values["phase"]])
+
+
+def swing(values: Values, time: np.ndarray) -> np.ndarray:
     """-1..1: the force at times, seconds, over its largest."""
-    return np.cos(2.0 * np.pi * values["frequency"] * (time - values["onset"]) - values["phase"])
+    return np.asarray(np.cos(2.0 * np.pi * values["frequency"] * (time - values["onset"]) - values["phase"]))
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -96,5 +134,5 @@ EFFECT = Effect(
     ),
     starts=starts,
     superposition=superposition,
-    load=load,
+    node_force=NodeForce(function=add_gust, numbers=numbers),
 )

@@ -6,7 +6,7 @@ from egophys_core.effects.effect import Effect, Parameter, Surroundings, Values
 from egophys_core.effects.traits import Need, Traits
 
 
-def drive(values: Values, times: np.ndarray, controllers: np.ndarray) -> np.ndarray:
+def drive(values: Values, times: np.ndarray, controllers: np.ndarray, holds: np.ndarray) -> np.ndarray:
     """The hands moved by the offset, all the time."""
     return controllers + np.array([values["x"], values["y"], values["z"]])
 

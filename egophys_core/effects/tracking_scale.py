@@ -8,7 +8,7 @@ from egophys_core.effects.effect import Body, Effect, Parameter, Surroundings, V
 from egophys_core.effects.traits import Measurement, Need, Traits
 
 
-def drive(values: Values, times: np.ndarray, controllers: np.ndarray) -> np.ndarray:
+def drive(values: Values, times: np.ndarray, controllers: np.ndarray, holds: np.ndarray) -> np.ndarray:
     """The hands where they are in the record of the object: on its scale, from the same origin."""
     return values["scale"] * controllers
 

@@ -53,9 +53,6 @@ class Traits:
     needs: frozenset[Need] = frozenset()
     measured_by: Measurement | None = None
     """How it is measured directly, if it can be."""
-    held_displacement: Callable[[Values, np.ndarray], np.ndarray] | None = None
-    """From values and times [F] to how far what is held has slid through the hand by then, [F, 3] metres; for an effect
-    that is measured by grips and acts in them, not in how the hand is recorded."""
     same_in_every_motion: bool = False
     """Whether it belongs to the surroundings: episodes that ask for different sizes, of which one makes another worse,
     refute it. A lump's place and size make up for each other, and a grip slips as it was taken."""

@@ -1,29 +1,35 @@
 """Material that relaxes: part of its force fades while it is kept stretched."""
 
-from typing import Any
-
 import numpy as np
+import warp as wp
 
-from egophys_core.effects.effect import Effect, Load, Parameter, Scene, Surroundings, Values
+from egophys_core.effects.effect import Body, Effect, Parameter, SpringLaw, Surroundings, Values
 from egophys_core.effects.traits import Measurement, Need, Traits
+from egophys_core.lanes import Lanes
+from egophys_core.lanes.exponential import gone
 
 
-def load(values: Values, scene: Scene, memory: Any) -> tuple[Load, Any]:
-    """A Maxwell arm beside each spring: stiffness for both, and a rest length between theirs.
+@wp.func
+def relaxing(
+    strain: Lanes, first: Lanes, second: Lanes, dt: Lanes, begun: Lanes, a: Lanes, b: Lanes, c: Lanes, d: Lanes
+):
+    """A Maxwell arm beside the spring: stiffness for both, and a rest length between theirs.
 
-    The arm's dashpot follows the extension at the start of the frame exactly; it acts as it is in mid-frame.
+    Numbers: ratio; ratio / (1 + ratio); 1 / time, 1/s. It remembers the strain of the arm's dashpot.
     """
-    extension = scene.strain * scene.rest_lengths
-    arm = extension if memory is None else extension - memory
-    half = np.exp(-0.5 * scene.duration / values["time"])
+    relaxed = first + wp.cw_mul(gone(wp.cw_mul(dt, c)), strain - first)
+    return Lanes(1.0) + a, wp.cw_mul(b, first), relaxed, second
+
+
+def numbers(values: Values, body: Body) -> np.ndarray:
+    """[3] what `relaxing` reads."""
     ratio = values["ratio"]
-    return (
-        Load(
-            stiffness_factor=np.full(len(extension), 1.0 + ratio),
-            rest_shift=ratio / (1.0 + ratio) * (extension - half * arm),
-        ),
-        extension - half**2 * arm,
-    )
+    return np.array([ratio, ratio / (1.0 + ratio), 1.0 / values["time"]])
+
+
+def stiffening(numbers: np.ndarray, strains: np.ndarray) -> np.ndarray:
+    """[K] spring and arm together."""
+    return 1.0 + numbers[:, 0]
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -49,5 +55,5 @@ EFFECT = Effect(
         common_in=frozenset({"lattice"}),
     ),
     starts=starts,
-    load=load,
+    spring_law=SpringLaw(function=relaxing, numbers=numbers, memories=1, stiffening=stiffening),
 )

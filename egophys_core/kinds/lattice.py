@@ -60,12 +60,12 @@ MOST_DAMPING = 30.0
 
 
 def was_called_solid(model: ObjectModel) -> bool:
-    """Whether a model of an earlier version is a lattice: of solids only these have a controller point for each held
-    node, no nodes inside, and no height at which they touch a table."""
-    if model.kind != FORMER_NAME:
+    """Whether a model of an earlier version is a lattice: a controller point for each held node, and springs one way
+    of the cells after the other; those of a fitted toy are sorted by their nodes, and no refit changes their order."""
+    if model.kind != FORMER_NAME or model.parameters.controller_neighbours != 1:
         return False
-    alpha = model.parameters
-    return bool(alpha.controller_neighbours == 1 and alpha.contact_radius == 0.0 and model.graph.surface.all())
+    springs = model.graph.springs.astype(np.int64)
+    return bool((np.diff(springs[:, 0] * len(model.graph.positions) + springs[:, 1]) < 0).any())
 
 
 def lattice_body(seen: SeenMarkers, template: Template | None) -> MarkerBody:

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.errors import EpisodeError, OptionsError
+from egophys_core.geometry import farthest_points
 from egophys_core.kinds import KINDS, Kind, kind_named
 from egophys_core.kinds.kind import FromSurface, RestShape
 
@@ -61,18 +62,6 @@ def surface_model(kind: Kind) -> FromSurface:
             "these, or leave the kind out"
         )
     return kind.from_surface
-
-
-def farthest_points(points: np.ndarray, count: int) -> np.ndarray:
-    """Indices of at most `count` points, each the farthest from those before it, in increasing order."""
-    if len(points) <= count:
-        return np.arange(len(points))
-    chosen = [int(np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1)))]
-    distance = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < count:
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return np.sort(np.array(chosen))
 
 
 def _distinct(points: np.ndarray) -> np.ndarray:

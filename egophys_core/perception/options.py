@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from egophys_core.errors import OptionsError
-from egophys_core.options import choice, number, validate
+from egophys_core.options import choice, number, text, validate
 
 
 class ObjectKind(StrEnum):
@@ -76,8 +76,8 @@ class PerceptionOptions:
     stages: Stages = choice(  # noqa: RUF009
         Stages.CLASSICAL, doc="classical (no weights), or learned: the models of the paper, see docs/learned_models.md"
     )
-    weights: str = choice("", doc="folder with the weights of learned stages")
-    object_prompt: str = choice("object", doc="what learned stages look for, in words: 'a towel'")
+    weights: str = text("", doc="folder with the weights of learned stages")
+    object_prompt: str = text("object", doc="what learned stages look for, in words: 'a towel'")
     device: Device = choice(Device.CPU, doc="where learned stages run: cpu or cuda")  # noqa: RUF009
 
     def __post_init__(self) -> None:

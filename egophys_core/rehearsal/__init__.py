@@ -22,4 +22,4 @@ __all__ = [
     "rehearse",
 ]
 
-__getattr__ = names_on_demand(__name__, "live", "injection", "world")
+__getattr__ = names_on_demand(__name__, "injection", "live", "world")

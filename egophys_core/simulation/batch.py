@@ -5,15 +5,55 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from egophys_core.effects.effect import Action
+from egophys_core.effects.effect import Effect
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.controls import Controls
-from egophys_core.simulation.terms.force_effect import ForceEffect
 from egophys_core.twin import PhysicalParameters
 
-Pull = Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]]
+Nudging = Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From seconds since the start of an episode and nodes [K, N, 3], metres, in the frames of their records: accelerations
-[K, N, 3], m/s^2, there, and drags [N], 1/s."""
+[K, N, 3], m/s^2, there, and drags [N], 1/s. What it says of one rollout must not depend on the others."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchEffect:
+    """An effect that acts in every substep, with its numbers in each rollout of a batch."""
+
+    effect: Effect
+    numbers: np.ndarray
+    """[K, P] float32, what its function reads; zeros where a rollout lacks it."""
+    present: np.ndarray
+    """[K] bool, which rollouts have it."""
+
+    def rows(self, rows: np.ndarray) -> "BatchEffect":
+        """The effect in some rollouts, in this order."""
+        return replace(self, numbers=self.numbers[rows], present=self.present[rows])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rods:
+    """What K rods resist besides being stretched (`terms.rod_bending`)."""
+
+    rigidity: np.ndarray
+    """[K] EI, N m^2."""
+    viscosity: np.ndarray
+    """[K] N m^2 s: EI times the retardation time."""
+    torsion: np.ndarray
+    """[K] GJ, N m^2."""
+    far_clamps: np.ndarray
+    """[K] bool: whether a clamp holds the last node."""
+    bends: np.ndarray
+    """[K, 3] 1/m, the natural bend on the straight rod."""
+    axes: np.ndarray
+    """[K, 3] from the first node to the last at the start, of length 1."""
+    lengths: np.ndarray
+    """[K, N - 1] metres of the pieces between nodes."""
+    rates: np.ndarray
+    """[K, 2] largest omega^2, 1/s^2, and damping rate, 1/s, of what it adds."""
+
+    def rows(self, rows: np.ndarray) -> "Rods":
+        """Some rods, in this order."""
+        return Rods(**{name: values[rows] for name, values in vars(self).items()})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +89,11 @@ class RolloutBatch:
     """Whether controller springs use the flat object's fallback."""
     ground_height: float
     """World z of the table, metres."""
-    effects: tuple[ForceEffect, ...] = ()
-    """Forces beyond the base simulator's."""
-    actions: tuple[tuple[Action, ...], ...] = ()
-    """K tuples of what decides on loads frame by frame (`loads.with_actions`), or none at all."""
-    pull: Pull | None = None
+    effects: tuple[BatchEffect, ...] = ()
+    """What acts in every substep beyond the base simulator, no effect twice."""
+    rods: Rods | None = None
+    """What resists bending, if the objects are rods."""
+    nudging: Nudging | None = None
     """What draws the nodes of all rollouts alike."""
     frames: np.ndarray | None = None
     """[K, 4, 4] frames in which results are given (`simulation.frames`); None where all are the world."""
@@ -77,9 +117,14 @@ class RolloutBatch:
                 raise SimulationError(f"batch of {count} rollouts: {label} must be {shape}, got {array.shape}")
         if (np.diff(self.springs[:, 0]) < 0).any():
             raise SimulationError("batch: springs must be in order of their first node")
-        for effect in self.effects:
-            if effect.numbers.ndim != 2 or len(effect.numbers) != count:
-                raise SimulationError(f"an effect's numbers must be [{count}, P], got {effect.numbers.shape}")
+        for each in self.effects:
+            if each.numbers.ndim != 2 or len(each.numbers) != count:
+                raise SimulationError(
+                    f"the numbers of {each.effect.name} must be [{count}, P], got {each.numbers.shape}"
+                )
+        names = [each.effect.name for each in self.effects]
+        if len(set(names)) < len(names):
+            raise SimulationError(f"an effect can act once in a batch, got {', '.join(names)}")
         if count == 0 or len(self.controls) != count:
             raise SimulationError(f"batch needs one control sequence per rollout: {count} and {len(self.controls)}")
         first = self.controls[0]
@@ -93,11 +138,6 @@ class RolloutBatch:
     def count(self) -> int:
         """Number of rollouts K."""
         return len(self.parameters)
-
-    @property
-    def effect_rates(self) -> np.ndarray:
-        """[K, 2] bounds of what effects add to omega^2, 1/s^2, and to damping rates, 1/s."""
-        return sum((effect.rates for effect in self.effects if effect.rates is not None), np.zeros((self.count, 2)))
 
     def part(self, rows: np.ndarray) -> "RolloutBatch":
         """Some rollouts as a batch of their own, without the springs that none of them has."""
@@ -126,6 +166,6 @@ class RolloutBatch:
             parameters=tuple(self.parameters[row] for row in rows),
             controls=tuple(self.controls[row] for row in rows),
             effects=tuple(effect.rows(rows) for effect in self.effects),
-            actions=tuple(self.actions[row] for row in rows) if self.actions else (),
+            rods=None if self.rods is None else self.rods.rows(rows),
             frames=None if self.frames is None else self.frames[rows],
         )

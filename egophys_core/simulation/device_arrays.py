@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from egophys_core.lanes import LANES, Lanes, group_count, pack
+from egophys_core.lanes.state import RUNNING, FrameArrays, ParameterArrays, StateArrays
 from egophys_core.simulation.attachments import Attachments
 from egophys_core.simulation.batch import RolloutBatch
-from egophys_core.simulation.lanes import LANES, Lanes, group_count, pack
-from egophys_core.simulation.state import RUNNING, FrameArrays, ParameterArrays, StateArrays
-from egophys_core.simulation.step import EffectTerms
 from egophys_core.simulation.substep import SubstepArrays
 from egophys_core.simulation.terms.controllers import ControllerArrays
+from egophys_core.simulation.terms.nudging import NudgingArrays
 from egophys_core.simulation.terms.springs import SpringArrays
 
 SPRING_NAMES = ("stiffness", "damping", "rest_lengths", "longest_extensions")
@@ -79,8 +79,8 @@ def grip_arrays(
 def parameter_arrays(batch: RolloutBatch, device: str, *, requires_grad: bool = False) -> ParameterArrays:
     """Masses and global parameters."""
     arrays = ParameterArrays()
-    arrays.masses = lanes_array(batch.masses, device)
-    arrays.inverse_masses = lanes_array(1.0 / batch.masses, device)
+    arrays.masses = lanes_array(batch.masses, device, requires_grad=requires_grad)
+    arrays.inverse_masses = lanes_array(1.0 / batch.masses, device, requires_grad=requires_grad)
     for name in PARAMETER_NAMES:
         values = np.array([getattr(parameters, name) for parameters in batch.parameters], np.float32)
         setattr(arrays, name, lanes_array(values, device, requires_grad=requires_grad))
@@ -89,19 +89,14 @@ def parameter_arrays(batch: RolloutBatch, device: str, *, requires_grad: bool = 
     return arrays
 
 
-def effect_numbers(batch: RolloutBatch, device: str, *, requires_grad: bool = False) -> wp.array:
-    """[G, P] the numbers of all effects side by side; one unused column where there are none."""
-    columns = [effect.numbers for effect in batch.effects] or [np.zeros((batch.count, 1), np.float32)]
-    return lanes_array(np.concatenate(columns, axis=1), device, requires_grad=requires_grad)
-
-
-def effect_terms(batch: RolloutBatch) -> EffectTerms:
-    """The function of each effect and the column of its first number in `effect_numbers`."""
-    widths = [effect.numbers.shape[1] for effect in batch.effects]
-    ends = np.cumsum(widths)
-    return tuple(
-        (effect.add_forces, int(end - width)) for effect, end, width in zip(batch.effects, ends, widths, strict=True)
-    )
+def nudging_arrays(batch: RolloutBatch, device: str) -> NudgingArrays:
+    """Nudging of no size, if there is any."""
+    arrays = NudgingArrays()
+    if batch.nudging is not None:
+        shape = (group_count(batch.count), batch.positions.shape[1])
+        arrays.acts = 1
+        arrays.accelerations, arrays.drags = zeros(*shape, 3, device=device), zeros(*shape, device=device)
+    return arrays
 
 
 def controller_arrays(groups: int, controllers: int, device: str, *, requires_grad: bool = False) -> ControllerArrays:
@@ -112,24 +107,26 @@ def controller_arrays(groups: int, controllers: int, device: str, *, requires_gr
     return arrays
 
 
-def state_arrays(positions: np.ndarray, velocities: np.ndarray, device: str) -> StateArrays:
-    """Nodes and controller points [K, N + C, 3], metres and m/s."""
+def state_arrays(
+    positions: np.ndarray, velocities: np.ndarray, device: str, *, memory: tuple[int, int] = (0, 0)
+) -> StateArrays:
+    """Nodes and controller points [K, N + C, 3], metres and m/s, and springs that remember so many numbers each."""
     state = StateArrays()
     state.positions = lanes_array(positions, device)
     state.velocities = lanes_array(velocities, device)
+    state.memory = zeros(group_count(len(positions)), *memory, device=device)
     return state
 
 
-def substep_arrays(
-    groups: int, nodes: int, controllers: int, device: str, *, requires_grad: bool = False
-) -> SubstepArrays:
-    """What a substep writes, all 0."""
+def substep_arrays(groups: int, nodes: int, controllers: int, memory: tuple[int, int], device: str) -> SubstepArrays:
+    """What a substep writes, all 0; `memory` are the springs and how many numbers each of them remembers."""
 
     def node_vectors(count: int = nodes) -> wp.array:
-        return zeros(groups, count, 3, device=device, requires_grad=requires_grad)
+        return zeros(groups, count, 3, device=device)
 
     after = StateArrays()
     after.positions, after.velocities = node_vectors(nodes + controllers), node_vectors(nodes + controllers)
+    after.memory = zeros(groups, *memory, device=device)
     return SubstepArrays(
         forces=node_vectors(),
         kicked=node_vectors(),

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import warp as wp
 
-from egophys_core.effects.effect import Scene
 from egophys_core.errors import SimulationError
+from egophys_core.lanes import Lanes, group_count, pack, unpack
+from egophys_core.lanes.state import RUNNING
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments, attach
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.collision.collision_pairs import PairFinder
@@ -15,21 +16,23 @@ from egophys_core.simulation.collision.self_collision import PairArrays
 from egophys_core.simulation.controls import ContactKind
 from egophys_core.simulation.device_arrays import (
     controller_arrays,
-    effect_numbers,
-    effect_terms,
     frame_arrays,
     grip_arrays,
+    nudging_arrays,
     parameter_arrays,
     spring_arrays,
     state_arrays,
 )
+from egophys_core.simulation.effect_arrays import effect_arrays, effect_terms, memory_count
+from egophys_core.simulation.effect_rates import EffectRates
+from egophys_core.simulation.extremes import find_extremes
 from egophys_core.simulation.frame_advance import frame_advance
+from egophys_core.simulation.frames import into_record, into_world_directions
 from egophys_core.simulation.integrator import FASTEST
-from egophys_core.simulation.lanes import group_count, pack, unpack
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, largest_eigenvalues, stable_substeps
-from egophys_core.simulation.state import RUNNING
 from egophys_core.simulation.substep import FrameInputs
-from egophys_core.simulation.terms.loads import Loads
+from egophys_core.simulation.terms.rod_bending import rod_arrays
+from egophys_core.simulation.terms.rod_sections import settle_sections
 from egophys_core.simulation.terms.springs import SpringArrays
 
 MOST_SUBSTEPS = 5000
@@ -52,7 +55,9 @@ class Segment:
     """Per rollout, where its controller springs stand in `grips`."""
     grips: SpringArrays
     rates: tuple[tuple[float, float], ...]
-    """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s."""
+    """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, of springs and grips."""
+    spring_rates: np.ndarray
+    """[K] largest stiffness rate of the object's springs alone, 1/s^2; 0 where no effect changes these."""
     durations: np.ndarray
     """[K] seconds a frame."""
     substeps: np.ndarray
@@ -78,20 +83,21 @@ class Engine:
         self.controllers = np.stack([controls.positions for controls in batch.controls]).astype(np.float32)
         self.contact = np.stack([controls.contact for controls in batch.controls]).astype(np.uint8)
         self.controller_velocities = np.gradient(self.controllers.astype(np.float64), self.times, axis=1)
+        self.memory = (len(batch.springs) if memory_count(batch) else 0, memory_count(batch))
+        """Springs, and how many numbers each of them remembers."""
         self.state = state_arrays(
             np.concatenate([batch.positions, self.controllers[:, 0]], axis=1),
             np.concatenate([batch.velocities, self.controller_velocities[:, 0]], axis=1),
             device,
+            memory=self.memory,
         )
         self.springs = spring_arrays(batch, device, requires_grad=requires_grad)
         self.parameters = parameter_arrays(batch, device, requires_grad=requires_grad)
-        self.numbers = effect_numbers(batch, device, requires_grad=requires_grad)
-        self.effects = effect_terms(batch)
-        self.settling = [
-            (effect.settle, column)
-            for effect, (_, column) in zip(batch.effects, self.effects, strict=True)
-            if effect.settle
-        ]
+        self.rods = rod_arrays(batch.rods, device)
+        self.nudging = nudging_arrays(batch, device)
+        self.terms = effect_terms(batch)
+        self.effects = effect_arrays(batch, device, requires_grad=requires_grad)
+        self.effect_rates = EffectRates(batch)
         self.controller_arrays = controller_arrays(
             self.groups, self.controllers.shape[2], device, requires_grad=requires_grad
         )
@@ -99,8 +105,7 @@ class Engine:
         distances = np.array([parameters.collision_distance for parameters in batch.parameters])
         self.finder = PairFinder(batch.rest_positions, distances, device) if distances.any() else None
         self.no_pairs = PairArrays()
-        self.advance = frame_advance(self.groups, self.nodes, self.controllers.shape[2], device)
-        self.loads = Loads(batch) if batch.actions else None
+        self.advance = frame_advance(self.groups, self.nodes, self.controllers.shape[2], self.memory, device)
         self.segments: list[Segment] = []
         """Of each frame advanced so far."""
         self.failures: list[str | None] = [None] * batch.count
@@ -120,11 +125,13 @@ class Engine:
             SimulationError: a rollout would need more than `MOST_SUBSTEPS` substeps a frame.
         """
         segment = self._segment(frame)
+        if self.effect_rates.follows:
+            segment = replace(segment, substeps=self._substeps(segment.durations, self._rates(segment)))
         self.segments.append(segment)
-        if self.loads is not None:
-            segment = self._loaded(self.loads, frame, segment)
-        for settle, column in self.settling:
-            wp.launch(settle, self.groups, inputs=[column, self.nodes, self.state, self.numbers], device=self.device)
+        if self.batch.nudging is not None:
+            self._nudge(float(self.times[frame]))
+        if self.batch.rods is not None:
+            wp.launch(settle_sections, self.groups, inputs=[self.nodes, self.state, self.rods], device=self.device)
         frames = np.full(self.batch.count, frame)
         self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
         self._record_divergence(frame, segment)
@@ -137,55 +144,20 @@ class Engine:
         last = self.segments[-1]
         if np.array_equal(durations, last.durations):
             return last
-        return replace(last, durations=durations, substeps=self._substeps(durations, last.rates))
+        return replace(last, durations=durations, substeps=self._substeps(durations, self._rates(last)))
 
-    def _loaded(self, loads: Loads, frame: int, segment: Segment) -> Segment:
-        """Put the loads of this frame on the device; the segment with as many substeps as they ask for."""
-        before = loads.grip_shifts
+    def _nudge(self, time: float) -> None:
+        """Put the nudging of this frame on the device; a rollout that diverged is left alone."""
+        nudging, frames = self.batch.nudging, self.batch.frames
         positions = self.node_positions()
-        after = loads.act(float(self.times[frame]), positions, self._scenes(frame, segment, positions))
-        if before.any() or after.any():
-            record = np.stack([controls.positions[frame : frame + 2] for controls in self.batch.controls])
-            self.controllers[:, frame] = record[:, 0] + before
-            self.controllers[:, frame + 1] = record[:, 1] + after
-        # The last effect's; what the others have settled stays.
-        numbers = self.numbers.numpy()
-        numbers[:, -loads.numbers.shape[1] :] = pack(loads.numbers)
-        self.numbers.assign(numbers)
-        if not loads.springs_change:
-            return segment
-        self.springs.stiffness.assign(pack(loads.stiffness))
-        self.springs.rest_lengths.assign(pack(loads.rest_lengths))
-        stiffening = loads.stiffening()
-        rates = [(rate * stiffer, slow) for (rate, slow), stiffer in zip(segment.rates, stiffening, strict=True)]
-        return replace(segment, substeps=self._substeps(segment.durations, rates))
-
-    def _scenes(self, frame: int, segment: Segment, positions: np.ndarray) -> list[Scene | None]:
-        """Per rollout what its actions see; None where there is nothing to see or none to see it."""
-        batch = self.batch
-        if not any(batch.actions):
-            return [None] * batch.count
-        velocities = self.node_velocities()
-        return [
-            Scene(
-                time=float(self.times[frame]),
-                duration=float(segment.durations[row]),
-                positions=positions[row].astype(np.float64),
-                velocities=velocities[row].astype(np.float64),
-                rest_positions=batch.rest_positions,
-                masses=batch.masses[row],
-                springs=batch.springs,
-                rest_lengths=batch.rest_lengths[row],
-                controllers=self.controllers[row, frame],
-                controller_velocities=self.controller_velocities[row, frame],
-                held=segment.attachments[row].holding(),
-                contact_height=batch.ground_height + batch.parameters[row].contact_radius,
-                gravity=batch.parameters[row].gravity,
-            )
-            if batch.actions[row] and self.failures[row] is None
-            else None
-            for row in range(batch.count)
-        ]
+        accelerations, drags = np.zeros(positions.shape), np.zeros(positions.shape[:2])
+        running = np.isfinite(positions).all(axis=(1, 2))
+        there = positions[running].astype(np.float64)
+        if nudging is not None and running.any():
+            found, drags[running] = nudging(time, there if frames is None else into_record(there, frames[running]))
+            accelerations[running] = found if frames is None else into_world_directions(found, frames[running])
+        self.nudging.accelerations.assign(pack(accelerations))
+        self.nudging.drags.assign(pack(drags))
 
     def frame_inputs(self, frames: np.ndarray, segment: Segment) -> FrameInputs:
         """What the kernels read in a frame of each rollout, `frames` [K], that begins with the present state."""
@@ -203,8 +175,10 @@ class Engine:
             grips=segment.grips,
             controllers=motion,
             parameters=self.parameters,
+            rods=self.rods,
+            nudging=self.nudging,
+            terms=self.terms,
             effects=self.effects,
-            numbers=self.numbers,
             pairs=self._pairs(float(segment.durations.max())),
             frame=arrays,
         )
@@ -242,16 +216,48 @@ class Engine:
             largest_eigenvalues(self.springs, grips, self.parameters.masses, self.batch.count, damping=kind)
             for kind in (False, True)
         ]
-        # The largest eigenvalue of a sum is at most the sum of the largest ones.
-        rates = tuple(map(tuple, (np.stack(of_springs, axis=1) + self.batch.effect_rates).tolist()))
-        return Segment(
+        segment = Segment(
             attachments=updated,
             columns=tuple(columns),
             grips=grips,
-            rates=rates,
+            rates=tuple(map(tuple, np.stack(of_springs, axis=1).tolist())),
+            spring_rates=self._spring_rates(),
             durations=durations,
-            substeps=self._substeps(durations, rates),
+            substeps=np.zeros(self.batch.count, int),
         )
+        return replace(segment, substeps=self._substeps(durations, self._rates(segment)))
+
+    def _spring_rates(self) -> np.ndarray:
+        """[K] as `Segment.spring_rates`; the same in all segments."""
+        if not self.effect_rates.laws:
+            return np.zeros(self.batch.count)
+        if self.segments:
+            return self.segments[-1].spring_rates
+        nothing_held, _ = self.grips_of((NOTHING_HELD,) * self.batch.count)
+        return largest_eigenvalues(self.springs, nothing_held, self.parameters.masses, self.batch.count, damping=False)
+
+    def _rates(self, segment: Segment) -> list[tuple[float, float]]:
+        """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, with what effects add in the coming frame.
+
+        The largest eigenvalue of a sum is at most the sum of the largest ones.
+        """
+        added = self.effect_rates.at(*self._extremes()) if self.effect_rates.follows else self.effect_rates.at_rest()
+        stiffness, damping = np.array(segment.rates).T
+        stiffness = stiffness + (added.factor - 1.0) * segment.spring_rates + added.stiffness
+        return list(zip(stiffness.tolist(), (damping + added.damping).tolist(), strict=True))
+
+    def _extremes(self) -> tuple[np.ndarray, np.ndarray]:
+        """[K] the largest strain of each rollout, and its largest speed, m/s; 0 where it diverged."""
+        strains, speeds = (wp.zeros(self.groups, dtype=Lanes, device=self.device) for _ in range(2))
+        wp.launch(
+            find_extremes,
+            self.groups,
+            inputs=[self.nodes, self.state, self.springs, strains, speeds],
+            device=self.device,
+        )
+        running = np.array([failure is None for failure in self.failures])
+        strain, squared = (unpack(each.numpy(), self.batch.count).astype(np.float64) for each in (strains, speeds))
+        return np.where(running, strain, 0.0), np.sqrt(np.where(running, squared, 0.0))
 
     def grips_of(self, attachments: Sequence[Attachments]) -> tuple[SpringArrays, list[np.ndarray]]:
         """The controller springs of all rollouts as arrays, and where each rollout's own stand in them."""

@@ -5,8 +5,8 @@ from functools import partial
 
 import warp as wp
 
+from egophys_core.lanes.state import StateArrays
 from egophys_core.simulation.device_arrays import substep_arrays
-from egophys_core.simulation.state import StateArrays
 from egophys_core.simulation.step import frame_kernel
 from egophys_core.simulation.substep import FrameInputs, SubstepArrays, find_divergences, launch_substep
 
@@ -14,17 +14,18 @@ FrameAdvance = Callable[[StateArrays, int, FrameInputs], None]
 """Called with the state, which is advanced in place, the number of substeps and what they read."""
 
 
-def frame_advance(groups: int, nodes: int, controllers: int, device: str) -> FrameAdvance:
-    """The way of this device."""
-    scratch = substep_arrays(groups, nodes, controllers, device)
+def frame_advance(groups: int, nodes: int, controllers: int, memory: tuple[int, int], device: str) -> FrameAdvance:
+    """The way of this device; `memory` are the springs and how many numbers each of them remembers."""
     if wp.get_device(device).is_cpu:
-        return partial(_advance_on_cpu, scratch)
-    return _GraphAdvance((scratch, substep_arrays(groups, nodes, controllers, device)))
+        # There the state is advanced in place, with what springs remember.
+        return partial(_advance_on_cpu, substep_arrays(groups, nodes, controllers, (0, 0), device))
+    out = [substep_arrays(groups, nodes, controllers, memory, device) for _ in range(2)]
+    return _GraphAdvance((out[0], out[1]))
 
 
 def _advance_on_cpu(scratch: SubstepArrays, state: StateArrays, substeps: int, inputs: FrameInputs) -> None:
     wp.launch(
-        frame_kernel(inputs.effects),
+        frame_kernel(inputs.terms),
         dim=scratch.forces.shape[0],
         inputs=[
             state,
@@ -33,7 +34,9 @@ def _advance_on_cpu(scratch: SubstepArrays, state: StateArrays, substeps: int, i
             inputs.grips,
             inputs.controllers,
             inputs.parameters,
-            inputs.numbers,
+            inputs.rods,
+            inputs.nudging,
+            inputs.effects,
             inputs.pairs,
             scratch.contacts,
             scratch.changes,
@@ -58,6 +61,8 @@ def advance_by_substeps(
         wp.launch(find_divergences, dim=(groups, nodes), inputs=[substep, here, inputs.frame], device=sums.device)
     wp.copy(state.positions, here.positions)
     wp.copy(state.velocities, here.velocities)
+    if state.memory.size:
+        wp.copy(state.memory, here.memory)
 
 
 class _GraphAdvance:

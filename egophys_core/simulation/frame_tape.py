@@ -2,8 +2,8 @@
 
 import warp as wp
 
+from egophys_core.lanes.state import StateArrays
 from egophys_core.simulation.device_arrays import zeros
-from egophys_core.simulation.state import StateArrays
 from egophys_core.simulation.substep import FrameInputs, SubstepArrays, substep_launches
 
 
@@ -13,7 +13,9 @@ class FrameTape:
     Recording by hand what `wp.Tape` would record anew for every frame saves most of the time of a launch.
     """
 
-    def __init__(self, substeps: int, groups: int, nodes: int, controllers: int, device: str) -> None:
+    def __init__(
+        self, substeps: int, groups: int, nodes: int, controllers: int, memory: tuple[int, int], device: str
+    ) -> None:
         """Room for the states before and after each of the substeps, and for what they are computed from."""
 
         def vectors(count: int) -> wp.array:
@@ -22,6 +24,7 @@ class FrameTape:
         points = nodes + controllers
         self._positions = zeros(substeps + 1, groups, points, 3, device=device, requires_grad=True)
         self._velocities = zeros(substeps + 1, groups, points, 3, device=device, requires_grad=True)
+        self._memory = zeros(substeps + 1, groups, *memory, device=device, requires_grad=True)
         self._forces, self._kicked = vectors(nodes), vectors(nodes)
         self._changes, self._collided = vectors(nodes), vectors(nodes)
         self._contacts = zeros(substeps, groups, nodes, device=device)
@@ -82,6 +85,7 @@ class FrameTape:
         for array in (
             self._positions,
             self._velocities,
+            self._memory,
             self._forces,
             self._kicked,
             self._changes,
@@ -92,4 +96,6 @@ class FrameTape:
     def _state(self, index: int) -> StateArrays:
         state = StateArrays()
         state.positions, state.velocities = self._positions[index], self._velocities[index]
+        # Warp has no slices of arrays that hold nothing.
+        state.memory = self._memory[index] if self._memory.size else self._memory.reshape((0, 0, 0))
         return state

@@ -11,14 +11,15 @@ import numpy as np
 import warp as wp
 
 from egophys_core.errors import SimulationError
+from egophys_core.lanes import Lanes, pack, unpack
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.collision.self_collision import PairArrays
 from egophys_core.simulation.device_arrays import MOTION_NAMES, PARAMETER_NAMES, SPRING_NAMES
 from egophys_core.simulation.engine import Engine, Segment
 from egophys_core.simulation.frame_tape import FrameTape
-from egophys_core.simulation.lanes import Lanes, pack, unpack
-from egophys_core.simulation.rollout import Rollout, advance_all
+from egophys_core.simulation.frames import into_world_directions
+from egophys_core.simulation.rollout import Rollout, advance_all, in_frames
 from egophys_core.simulation.substep import FrameInputs
 from egophys_core.simulation.terms.springs import SHORTEST_LENGTH
 
@@ -47,8 +48,12 @@ class Gradient:
     """[K], by the dashpot of controller springs."""
     parameters: dict[str, np.ndarray]
     """[K] by name: those of `PARAMETER_NAMES`, and `contact_height`."""
+    masses: np.ndarray
+    """[K, N]."""
     effects: np.ndarray
     """[K, P] by the numbers of all effects side by side; one column of zeros without any."""
+    frames: np.ndarray
+    """[K, 4, 4] by the frames in which results are given, for what they do to these; zeros if all are the world."""
     controls: np.ndarray
     """[K, F, C, 3]."""
     positions: np.ndarray
@@ -74,33 +79,45 @@ def differentiate(
     """
     if windows < 1:
         raise SimulationError(f"windows must be at least 1, got {windows}")
-    if batch.actions or batch.frames is not None:
-        raise SimulationError("rollouts with frame-by-frame effects have no derivatives; differentiate without effects")
+    if batch.nudging is not None:
+        raise SimulationError("nudged rollouts have no derivatives; differentiate the batch without nudging")
+    if batch.rods is not None:
+        raise SimulationError("rods have no derivatives: how their sections turn is not on the tape; use differences")
     engine = Engine(batch, device)
-    states: list[tuple[np.ndarray, np.ndarray]] = []
+    states: list[tuple[np.ndarray, ...]] = []
 
     def keep() -> None:
-        states.append((engine.state.positions.numpy().copy(), engine.state.velocities.numpy().copy()))
+        state = engine.state
+        states.append(tuple(each.numpy().copy() for each in (state.positions, state.velocities, state.memory)))
 
-    result = advance_all(engine, before_frame=keep)
+    in_world = advance_all(engine, before_frame=keep)
+    result = in_frames(in_world, batch.frames)
     losses, seeds = loss(result.positions)
     running = np.array([failure is None for failure in result.failures])
     seeds = np.where(running[:, None, None, None], seeds, 0.0)
-    return result, losses, _BackwardPass(engine, states, running, windows).run(seeds)
+    by_frames = np.zeros((batch.count, 4, 4))
+    if batch.frames is not None:
+        # A point is recorded at R p + t.
+        places = np.where(running[:, None, None, None], in_world.positions.astype(np.float64), 0.0)
+        by_frames[:, :3, :3] = np.einsum("kfni,kfnj->kij", seeds, places)
+        by_frames[:, :3, 3] = seeds.sum(axis=(1, 2))
+        seeds = into_world_directions(seeds, batch.frames)
+    gradient = _BackwardPass(engine, states, running, windows).run(seeds)
+    return result, losses, replace(gradient, frames=by_frames)
 
 
 class _BackwardPass:
     """What is summed up while going back over the frames, in float64. Row r is window r % W of rollout r // W."""
 
     def __init__(
-        self, forward: Engine, states: list[tuple[np.ndarray, np.ndarray]], running: np.ndarray, windows: int
+        self, forward: Engine, states: list[tuple[np.ndarray, ...]], running: np.ndarray, windows: int
     ) -> None:
         count = forward.batch.count
         self.forward, self.running, self.windows = forward, running, windows
         self.rollouts = np.repeat(np.arange(count), windows)
         self.engine = Engine(forward.batch.rows(self.rollouts), forward.device, requires_grad=True)
-        # [F - 1, K, N + C, 3], at the start of each frame.
-        self.positions, self.velocities = (
+        # [F - 1, K, N + C, 3] twice and [F - 1, K, E, M], at the start of each frame.
+        self.positions, self.velocities, self.memory = (
             np.stack([unpack(values, count) for values in kept]) for kept in zip(*states, strict=True)
         )
         self.nodes, self.controllers = self.engine.nodes, self.engine.controllers.shape[2]
@@ -125,15 +142,16 @@ class _BackwardPass:
         first, last = bounds[:-1][window], bounds[1:][window]
         positions = np.zeros((len(self.rollouts), self.nodes + self.controllers, 3))
         velocities = np.zeros_like(positions)
+        memory = np.zeros((len(self.rollouts), *self.engine.memory))
         for offset in reversed(range(int((last - first).max()))):
             # Shorter windows begin to go back later: until then their frame takes no substeps.
             active = first + offset < last
             frames = np.minimum(first + offset, np.maximum(last - 1, 0))
             positions[active, : self.nodes] += seeds[self.rollouts, frames + 1][active]
-            positions, velocities = self._back_over_frame(frames, active, positions, velocities)
+            positions, velocities, memory = self._back_over_frame(frames, active, positions, velocities, memory)
             # A row that diverged has no numbers to pass on.
             dead = ~self.running[self.rollouts]
-            positions[dead], velocities[dead] = 0.0, 0.0
+            positions[dead], velocities[dead], memory[dead] = 0.0, 0.0, 0.0
             for row in np.flatnonzero(active & ~dead):
                 self._back_over_start(row, int(frames[row]), positions[row])
         starts = np.arange(0, len(self.rollouts), self.windows)
@@ -144,9 +162,17 @@ class _BackwardPass:
         return self._gradient(positions[:, : self.nodes], velocities[:, : self.nodes])
 
     def _back_over_frame(
-        self, frames: np.ndarray, active: np.ndarray, positions: np.ndarray, velocities: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """From derivatives [R, N + C, 3] by the state after a frame of each row to those by the state before it."""
+        self,
+        frames: np.ndarray,
+        active: np.ndarray,
+        positions: np.ndarray,
+        velocities: np.ndarray,
+        memory: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """From derivatives by the state after a frame of each row to those by the state before it.
+
+        The state are positions and velocities [R, N + C, 3], and what springs remember [R, E, M].
+        """
         engine = self.engine
         engine.state.positions.assign(pack(self.positions[frames, self.rollouts]))
         engine.state.velocities.assign(pack(self.velocities[frames, self.rollouts]))
@@ -154,6 +180,8 @@ class _BackwardPass:
         tape = self._tape(engine.frame_inputs(frames, segment), segment)
         wp.copy(tape.start.positions, engine.state.positions)
         wp.copy(tape.start.velocities, engine.state.velocities)
+        if memory.size:
+            tape.start.memory.assign(pack(self.memory[frames, self.rollouts]))
         tape.forward()
         tape.clear_derivatives()
         grips = [getattr(segment.grips, name) for name in GRIP_NAMES]
@@ -161,6 +189,8 @@ class _BackwardPass:
             array.grad.zero_()
         tape.end.positions.grad.assign(pack(positions))
         tape.end.velocities.grad.assign(pack(velocities))
+        if memory.size:
+            tape.end.memory.grad.assign(pack(memory))
         tape.backward()
         self._collect_controls(frames)
         self._collect_grips(segment)
@@ -168,6 +198,7 @@ class _BackwardPass:
         return (
             unpack(tape.start.positions.grad.numpy(), rows).astype(np.float64),
             unpack(tape.start.velocities.grad.numpy(), rows).astype(np.float64),
+            unpack(tape.start.memory.grad.numpy(), rows).astype(np.float64) if memory.size else memory,
         )
 
     def _segment(self, frames: np.ndarray, active: np.ndarray) -> Segment:
@@ -185,6 +216,7 @@ class _BackwardPass:
             columns=tuple(columns),
             grips=grips,
             rates=tuple(segment.rates[row] for segment, row in rows),
+            spring_rates=np.array([segment.spring_rates[row] for segment, row in rows]),
             durations=np.array([segment.durations[row] for segment, row in rows]),
             substeps=np.where(active, [segment.substeps[row] for segment, row in rows], 0),
         )
@@ -195,7 +227,7 @@ class _BackwardPass:
         engine, substeps = self.engine, int(segment.substeps.max())
         inputs = replace(inputs, pairs=self._kept_pairs(inputs.pairs))
         if self.tape is None or self.tape.substeps != substeps:
-            self.tape = FrameTape(substeps, engine.groups, self.nodes, self.controllers, engine.device)
+            self.tape = FrameTape(substeps, engine.groups, self.nodes, self.controllers, engine.memory, engine.device)
             self.tape.record(inputs)
         return self.tape
 
@@ -271,12 +303,18 @@ class _BackwardPass:
             values[~running] = 0.0
             return values
 
+        # Kernels read masses and their inverses.
+        by_masses = (
+            total(engine.parameters.masses) - total(engine.parameters.inverse_masses) / self.forward.batch.masses**2
+        )
         return Gradient(
             **{name: total(getattr(engine.springs, name)) for name in SPRING_NAMES},
+            masses=by_masses,
             controller_stiffness=np.where(running, self.controller_stiffness, 0.0),
             controller_damping=np.where(running, self.controller_damping, 0.0),
             parameters={name: total(getattr(engine.parameters, name)) for name in (*PARAMETER_NAMES, "contact_height")},
-            effects=total(engine.numbers),
+            effects=total(engine.effects.numbers),
+            frames=np.zeros((count, 4, 4)),
             controls=np.where(running[:, None, None, None], controls, 0.0),
             positions=positions,
             velocities=velocities,

@@ -2,8 +2,8 @@
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.state import FrameArrays, ParameterArrays, StateArrays
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import FrameArrays, ParameterArrays, StateArrays
 from egophys_core.simulation.terms.ground import collide, project_upward_force
 
 FASTEST = 1000.0

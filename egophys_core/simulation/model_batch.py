@@ -2,22 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from egophys_core.effects import effect_named
-from egophys_core.effects.effect import Action, Body
+from egophys_core.effects.effect import Body, Effect
 from egophys_core.errors import SimulationError
 from egophys_core.kinds import kind_of, node_masses, resting_height
-from egophys_core.simulation.batch import RolloutBatch
+from egophys_core.simulation.batch import BatchEffect, Rods, RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.frames import into_world, into_world_directions
-from egophys_core.simulation.terms.force_effect import ForceEffect
-from egophys_core.simulation.terms.loads import with_actions
+from egophys_core.simulation.terms.effects import LAW_NUMBERS
 from egophys_core.simulation.terms.rod_bending import rod_bending
 from egophys_core.simulation.terms.springs import UNLIMITED
 from egophys_core.twin import ObjectModel, SpringKind
+
+Precision = type[np.float32] | type[np.float64]
+"""Of a batch's arrays."""
 
 SAME_PLACE = 1e-4
 """Metres between a node and the controller point that holds it."""
@@ -30,12 +31,14 @@ def batch_of_models(
     starts: Sequence[np.ndarray] | None = None,
     velocities: Sequence[np.ndarray | None] | None = None,
     ground_height: float,
+    dtype: Precision = np.float32,
 ) -> RolloutBatch:
     """Rollouts of models with the same nodes (graphs and parameters may differ), one control each.
 
     Args:
         starts: per model [N, 3] metres where its nodes lie at the start; by default the graph's own positions.
         velocities: per model [N, 3] m/s there; by default, and where None, it is at rest.
+        dtype: of the arrays; np.float64 for differences of batches, which are not simulated themselves.
     """
     first = models[0]
     nodes, kind = len(first.graph.positions), kind_of(first)
@@ -52,16 +55,16 @@ def batch_of_models(
         positions = [into_world(start, frame) for start, frame in zip(positions, frames, strict=True)]
         speeds = list(into_world_directions(np.stack(speeds), frames))
         controls = [
-            replace(each, positions=into_world(each.positions.astype(np.float64), frame).astype(np.float32))
+            replace(each, positions=into_world(each.positions.astype(np.float64), frame).astype(dtype))
             for each, frame in zip(controls, frames, strict=True)
         ]
-    bodies = [_body(model, start) for model, start in zip(models, positions, strict=True)]
+    bodies = [_body(*each) for each in zip(models, positions, controls, strict=True)]
     codes = [_codes(model) for model in models]
     # A pair can be a structural spring of one model and a bending spring of another: one entry serves both.
     union = np.unique(np.concatenate(codes))
     shape = (len(models), len(union))
-    stiffness, damping = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
-    rest_lengths, longest_extensions = np.ones(shape, np.float32), np.full(shape, UNLIMITED, np.float32)
+    stiffness, damping = np.zeros(shape, dtype), np.zeros(shape, dtype)
+    rest_lengths, longest_extensions = np.ones(shape, dtype), np.full(shape, UNLIMITED, dtype)
     for row, (model, body, code) in enumerate(zip(models, bodies, codes, strict=True)):
         columns = np.searchsorted(union, code)
         stiffness[row, columns] = body.stiffness
@@ -71,39 +74,61 @@ def batch_of_models(
         longest_extensions[row, columns[structural]] = (
             model.parameters.strain_limit * model.graph.rest_lengths[structural]
         )
-    masses = np.stack([_loaded(body, each) for body, each in zip(bodies, controls, strict=True)])
-    batch = RolloutBatch(
+    masses = np.stack([body.masses for body in bodies]).astype(dtype)
+    return RolloutBatch(
         springs=np.stack([union // nodes, union % nodes], axis=1).astype(np.int32),
         stiffness=stiffness,
         damping=damping,
         rest_lengths=rest_lengths,
         longest_extensions=longest_extensions,
         masses=masses,
-        positions=np.stack(positions).astype(np.float32),
-        velocities=np.stack(speeds).astype(np.float32),
+        positions=np.stack(positions).astype(dtype),
+        velocities=np.stack(speeds).astype(dtype),
         rest_positions=first.graph.positions,
         parameters=tuple(
             replace(model.parameters, gravity=body.gravity) for model, body in zip(models, bodies, strict=True)
         ),
-        controls=tuple(_driven(model, each) for model, each in zip(models, controls, strict=True)),
-        effects=_bending(models, masses, np.stack(positions), controls),
+        controls=tuple(_driven(model, each, dtype) for model, each in zip(models, controls, strict=True)),
+        effects=_in_every_substep(models, bodies, dtype),
+        rods=_bending(models, masses, np.stack(positions), controls),
         flat=kind.lies_flat,
         ground_height=ground_height,
         frames=frames,
     )
-    return with_actions(batch, tuple(_actions(model) for model in models))
+
+
+def _in_every_substep(
+    models: Sequence[ObjectModel], bodies: Sequence[Body], dtype: Precision
+) -> tuple[BatchEffect, ...]:
+    """The effects of models that act in every substep, in the order in which they are first met."""
+    found: dict[str, dict[int, np.ndarray]] = {}
+    for row, (model, body) in enumerate(zip(models, bodies, strict=True)):
+        for term in model.effects:
+            acts = effect_named(term.name).node_force or effect_named(term.name).spring_law
+            if acts:
+                found.setdefault(term.name, {})[row] = acts.numbers(term.values, body)
+    return tuple(_of_batch(effect_named(name), rows, len(models), dtype) for name, rows in found.items())
+
+
+def _of_batch(effect: Effect, rows: dict[int, np.ndarray], count: int, dtype: Precision) -> BatchEffect:
+    """An effect with its numbers in some rows of a batch; those of a spring law have room for all that it may have."""
+    width = LAW_NUMBERS if effect.spring_law else len(next(iter(rows.values())))
+    numbers, present = np.zeros((count, width), dtype), np.zeros(count, bool)
+    for row, values in rows.items():
+        numbers[row, : len(values)], present[row] = values, True
+    return BatchEffect(effect=effect, numbers=numbers, present=present)
 
 
 def _bending(
     models: Sequence[ObjectModel], masses: np.ndarray, starts: np.ndarray, controls: Sequence[Controls]
-) -> tuple[ForceEffect, ...]:
+) -> Rods | None:
     """What rods of masses [K, N] kg that begin at starts [K, N, 3], metres, resist besides being stretched."""
     if not kind_of(models[0]).is_line:
-        return ()
+        return None
     lengths = np.stack([model.graph.rest_lengths for model in models])
     far_clamps = [_holds(each, start[-1]) for each, start in zip(controls, starts, strict=True)]
     parameters = [model.parameters for model in models]
-    return (rod_bending(parameters, lengths, masses, starts, np.array(far_clamps)),)
+    return rod_bending(parameters, lengths, masses, starts, np.array(far_clamps))
 
 
 def _holds(controls: Controls, place: np.ndarray) -> bool:
@@ -112,8 +137,8 @@ def _holds(controls: Controls, place: np.ndarray) -> bool:
     return bool((np.linalg.norm(holding - place, axis=1) < SAME_PLACE).any())
 
 
-def _loaded(body: Body, controls: Controls) -> np.ndarray:
-    """[N] float32 kg: the nodes with what they carry.
+def _loaded(body: Body, controls: Controls) -> Body:
+    """The body with what its nodes carry.
 
     Raises:
         SimulationError: nothing would be left of a node.
@@ -122,11 +147,11 @@ def _loaded(body: Body, controls: Controls) -> np.ndarray:
     if not (masses > 0.0).all():
         node = int(np.argmin(masses))
         raise SimulationError(f"controls payload leaves {masses[node]:.3g} kg of node {node}; it must be more than 0")
-    return np.asarray(masses, np.float32)
+    return replace(body, masses=masses)
 
 
-def _body(model: ObjectModel, start: np.ndarray) -> Body:
-    """The body of a model as its effects make it."""
+def _body(model: ObjectModel, start: np.ndarray, controls: Controls) -> Body:
+    """The body of a model as its effects make it, with what it carries."""
     graph = model.graph
     body = Body(
         positions=start.astype(np.float64),
@@ -137,11 +162,12 @@ def _body(model: ObjectModel, start: np.ndarray) -> Body:
         stiffness=model.stiffness.astype(np.float64),
         damping=model.spring_damping.astype(np.float64),
         gravity=model.parameters.gravity,
+        begins=float(controls.times[0]),
     )
     for term in model.effects:
         adapt = effect_named(term.name).adapt
         body = adapt(term.values, body) if adapt else body
-    return body
+    return _loaded(body, controls)
 
 
 def _frame(model: ObjectModel) -> np.ndarray:
@@ -157,19 +183,20 @@ def _frame(model: ObjectModel) -> np.ndarray:
     return frame
 
 
-def _driven(model: ObjectModel, controls: Controls) -> Controls:
+def _driven(model: ObjectModel, controls: Controls, dtype: Precision) -> Controls:
     """Controls as the effects of a model change them."""
     for term in model.effects:
         effect = effect_named(term.name)
         if effect.clock:
-            controls = _read_at(controls, effect.clock(term.values, controls.times))
+            controls = _read_at(controls, effect.clock(term.values, controls.times), dtype)
         if effect.drive:
-            moved = effect.drive(term.values, controls.times, controls.positions.astype(np.float64))
-            controls = replace(controls, positions=moved.astype(np.float32))
+            holds = controls.contact == ContactKind.HOLD
+            moved = effect.drive(term.values, controls.times, controls.positions.astype(np.float64), holds)
+            controls = replace(controls, positions=moved.astype(dtype))
     return controls
 
 
-def _read_at(controls: Controls, times: np.ndarray) -> Controls:
+def _read_at(controls: Controls, times: np.ndarray, dtype: Precision) -> Controls:
     """The same frames with hands and contacts as the record has them at `times` [F]; held at its ends."""
     record = np.clip(times, controls.times[0], controls.times[-1])
     after = np.clip(np.searchsorted(controls.times, record, side="right"), 1, len(record) - 1)
@@ -178,13 +205,7 @@ def _read_at(controls: Controls, times: np.ndarray) -> Controls:
     weight = share[:, None, None]
     positions = (1.0 - weight) * controls.positions[before] + weight * controls.positions[after]
     nearest = np.where(share < 0.5, before, after)
-    return replace(controls, positions=positions.astype(np.float32), contact=controls.contact[nearest])
-
-
-def _actions(model: ObjectModel) -> tuple[Action, ...]:
-    """What the effects of a model do in each frame."""
-    terms = [(effect_named(term.name).load, term.values) for term in model.effects]
-    return tuple(partial(load, values) for load, values in terms if load)
+    return replace(controls, positions=positions.astype(dtype), contact=controls.contact[nearest])
 
 
 def spring_order(model: ObjectModel) -> np.ndarray:

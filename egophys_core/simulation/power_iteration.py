@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
+from egophys_core.lanes import LANES, Lanes
 from egophys_core.simulation.terms.springs import SpringArrays
 
 

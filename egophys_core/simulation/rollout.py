@@ -12,13 +12,16 @@ from scipy.sparse import coo_matrix
 
 from egophys_core.cores import usable_cores
 from egophys_core.errors import SimulationError
+from egophys_core.lanes import LANES, group_count
 from egophys_core.simulation.batch import RolloutBatch
-from egophys_core.simulation.device_arrays import effect_terms
+from egophys_core.simulation.effect_arrays import effect_terms
+from egophys_core.simulation.effect_rates import EffectRates
 from egophys_core.simulation.engine import Engine
+from egophys_core.simulation.extremes import find_extremes
 from egophys_core.simulation.frames import into_record, into_record_directions
-from egophys_core.simulation.lanes import LANES, group_count
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, stable_substeps
 from egophys_core.simulation.step import frame_kernel
+from egophys_core.simulation.terms.rod_sections import settle_sections
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,8 +49,7 @@ class Rollout:
 def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, device: str = "cpu") -> Rollout:
     """Advance all rollouts of a batch over the frames of their controls.
 
-    On the CPU lane groups run on all cores, unless something acts on them; a rollout's numbers do not depend on the
-    batch it is in.
+    On the CPU lane groups run on all cores; a rollout's numbers do not depend on the batch it is in.
 
     Args:
         longest_substep: seconds; stability may ask for shorter ones, a shorter one here is more accurate.
@@ -57,15 +59,15 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
         SimulationError: a rollout would need more than `MOST_SUBSTEPS` substeps a frame.
     """
     if not wp.get_device(device).is_cpu:
-        return _in_frames(_run(batch, longest_substep, device), batch.frames)
+        return in_frames(_run(batch, longest_substep, device), batch.frames)
     # Loaded here, before threads ask for it at the same time.
-    for kernel in (frame_kernel(effect_terms(batch)), *(each.settle for each in batch.effects if each.settle)):
+    for kernel in (frame_kernel(effect_terms(batch)), settle_sections, find_extremes):
         wp.load_module(kernel.module, device=device)
     groups = group_count(batch.count)
-    # What acts on rollouts is decided by Python code, for which threads would wait longer than they work.
-    workers = 1 if batch.actions else min(groups, usable_cores())
-    # Rollouts with similar substeps share a lane group: it runs as many as the one that needs most.
-    order = np.argsort(_fastest_rates(batch), kind="stable")
+    workers = min(groups, usable_cores())
+    # Rollouts with similar substeps share a lane group: it runs as many as the one that needs most. Of those that need
+    # as many, the ones with the same effects do.
+    order = np.lexsort((_effects_code(batch), _fastest_rates(batch)))
     bounds = np.linspace(0, groups, workers + 1).astype(int) * LANES
     parts = [batch.part(order[first:last]) for first, last in pairwise(bounds)]
     with ThreadPoolExecutor(workers) as pool:
@@ -79,10 +81,10 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
         substeps=np.concatenate([result.substeps for result in results])[back],
         failures=tuple(failures[row] for row in back),
     )
-    return _in_frames(whole, batch.frames)
+    return in_frames(whole, batch.frames)
 
 
-def _in_frames(result: Rollout, frames: np.ndarray | None) -> Rollout:
+def in_frames(result: Rollout, frames: np.ndarray | None) -> Rollout:
     """The result, in the world so far, as each rollout's frame [K, 4, 4] records it."""
     if frames is None:
         return result
@@ -98,8 +100,20 @@ def _fastest_rates(batch: RolloutBatch) -> np.ndarray:
     springs = len(batch.springs)
     ends = (batch.springs.ravel(), np.repeat(np.arange(springs), 2))
     touching = coo_matrix((np.ones(2 * springs), ends), shape=(batch.masses.shape[1], springs)).tocsr()
-    rates = [2 * ((touching @ weights.T).T / batch.masses).max(axis=1) for weights in (batch.stiffness, batch.damping)]
-    return np.array([stable_substeps(1.0, *row) for row in np.stack(rates, axis=1) + batch.effect_rates])
+    stiff, damped = (
+        2 * ((touching @ weights.T).T / batch.masses).max(axis=1) for weights in (batch.stiffness, batch.damping)
+    )
+    added = EffectRates(batch).at_rest()
+    rates = np.stack([stiff * added.factor + added.stiffness, damped + added.damping], axis=1)
+    return np.array([stable_substeps(1.0, *row) for row in rates])
+
+
+def _effects_code(batch: RolloutBatch) -> np.ndarray:
+    """[K] a number for each choice of effects."""
+    code = np.zeros(batch.count, int)
+    for each in batch.effects:
+        code = 2 * code + each.present
+    return code
 
 
 def _run(batch: RolloutBatch, longest_substep: float, device: str) -> Rollout:

@@ -3,7 +3,7 @@
 import numpy as np
 import warp as wp
 
-from egophys_core.simulation.lanes import Lanes, unpack
+from egophys_core.lanes import Lanes, unpack
 from egophys_core.simulation.power_iteration import iterate_power
 from egophys_core.simulation.terms.springs import SpringArrays
 

@@ -9,6 +9,8 @@ from typing import Any
 
 import warp as wp
 
+from egophys_core.lanes import Lanes
+from egophys_core.lanes.state import FrameArrays, ParameterArrays, StateArrays, substep_duration, substep_time
 from egophys_core.simulation.collision.self_collision import (
     PairArrays,
     add_contact_impulses,
@@ -16,18 +18,20 @@ from egophys_core.simulation.collision.self_collision import (
     count_contacts,
 )
 from egophys_core.simulation.integrator import drift, find_divergence, kick
-from egophys_core.simulation.lanes import Lanes
-from egophys_core.simulation.state import FrameArrays, ParameterArrays, StateArrays, substep_duration, substep_time
-from egophys_core.simulation.step import EffectTerms, force_sum
+from egophys_core.simulation.step import add_held_forces, force_sum, has_begun
 from egophys_core.simulation.terms.controllers import ControllerArrays, move_controllers
+from egophys_core.simulation.terms.effects import NO_LAW, EffectArrays, EffectTerms
+from egophys_core.simulation.terms.nudging import NudgingArrays
+from egophys_core.simulation.terms.rod_sections import RodArrays
 from egophys_core.simulation.terms.spring_adjoint import adj_add_spring_forces as adj_add_spring_forces
+from egophys_core.simulation.terms.spring_laws import lawful_springs
 from egophys_core.simulation.terms.springs import SpringArrays
 
 
 @cache
-def forces_kernel(effects: EffectTerms) -> wp.Kernel:
-    """Sum of all terms; dim = (G, ceil(N / rows)) on forces that are 0."""
-    add_forces = force_sum(effects)
+def forces_kernel(terms: EffectTerms | None) -> wp.Kernel:
+    """Sum of all terms but those before and springs with a law; dim = (G, ceil(N / rows)) on forces that are 0."""
+    add_forces = force_sum(terms)
 
     @wp.kernel(module="unique")
     def sum_forces(
@@ -37,16 +41,62 @@ def forces_kernel(effects: EffectTerms) -> wp.Kernel:
         springs: SpringArrays,
         grips: SpringArrays,
         parameters: ParameterArrays,
-        numbers: wp.array2d(dtype=Lanes),
+        effects: EffectArrays,
         frame: FrameArrays,
         forces: wp.array3d(dtype=Lanes),
     ):
         group, part = wp.tid()
         last = wp.min((part + 1) * rows, frame.node_count)
         time = substep_time(group, substep, frame)
-        add_forces(group, part * rows, last, time, state, springs, grips, parameters, numbers, forces)
+        dt = substep_duration(group, substep, frame)
+        add_forces(group, part * rows, last, time, dt, state, springs, grips, parameters, effects, forces)
 
     return sum_forces
+
+
+@cache
+def lawful_kernel(terms: EffectTerms) -> wp.Kernel:
+    """The springs with a law, added to the sum of the other terms: apart from these, as Warp generates its adjoint."""
+    add_lawful = lawful_springs(terms.laws, len(terms.forces), -1)
+
+    @wp.kernel(module="unique")
+    def sum_lawful(
+        rows: int,
+        substep: int,
+        state: StateArrays,
+        springs: SpringArrays,
+        parameters: ParameterArrays,
+        effects: EffectArrays,
+        frame: FrameArrays,
+        forces: wp.array3d(dtype=Lanes),
+        after: StateArrays,
+    ):
+        group, part = wp.tid()
+        if effects.law[group] != wp.static(NO_LAW):
+            last = wp.min((part + 1) * rows, frame.node_count)
+            begun = has_begun(substep_time(group, substep, frame))
+            dt = substep_duration(group, substep, frame)
+            add_lawful(group, part * rows, last, dt, begun, state, springs, parameters, effects, after.memory, forces)
+
+    return sum_lawful
+
+
+@wp.kernel(enable_backward=False)
+def sum_held(
+    rows: int,
+    state: StateArrays,
+    parameters: ParameterArrays,
+    rods: RodArrays,
+    nudging: NudgingArrays,
+    frame: FrameArrays,
+    forces: wp.array3d(dtype=Lanes),
+):
+    """Bending and nudging, the first terms of the sum."""
+    group, part = wp.tid()
+    nodes = frame.node_count
+    add_held_forces(
+        group, part * rows, wp.min((part + 1) * rows, nodes), nodes, state, parameters, rods, nudging, forces
+    )
 
 
 @wp.kernel
@@ -159,9 +209,11 @@ class FrameInputs:
     grips: SpringArrays
     controllers: ControllerArrays
     parameters: ParameterArrays
-    effects: EffectTerms
-    numbers: wp.array
-    """[G, P] `Lanes`, the effects' parameters."""
+    rods: RodArrays
+    nudging: NudgingArrays
+    terms: EffectTerms | None
+    """What the kernels are composed of beside the base simulator."""
+    effects: EffectArrays
     pairs: PairArrays
     frame: FrameArrays
 
@@ -195,11 +247,16 @@ def substep_launches(substep: int, state: StateArrays, inputs: FrameInputs, out:
     rows = points if out.contacts.device.is_cpu else 1
     each_node, each_point = (groups, -(-nodes // rows)), (groups, -(-points // rows))
     parameters, frame, pairs = inputs.parameters, inputs.frame, inputs.pairs
-    read = [rows, substep, state, inputs.springs, inputs.grips, parameters, inputs.numbers, frame]
-    launches: list[Launch] = [
-        (forces_kernel(inputs.effects), each_node, read, [out.forces]),
-        (kick_nodes, each_node, [rows, substep, state, out.forces, parameters, frame], [out.kicked]),
-    ]
+    launches: list[Launch] = []
+    if inputs.rods.bend or inputs.nudging.acts:
+        held = [rows, state, parameters, inputs.rods, inputs.nudging, frame]
+        launches.append((sum_held, each_node, held, [out.forces]))
+    read = [rows, substep, state, inputs.springs, inputs.grips, parameters, inputs.effects, frame]
+    launches.append((forces_kernel(inputs.terms), each_node, read, [out.forces]))
+    if inputs.terms is not None and inputs.terms.laws:
+        lawful = [rows, substep, state, inputs.springs, parameters, inputs.effects, frame]
+        launches.append((lawful_kernel(inputs.terms), each_node, lawful, [out.forces, out.after]))
+    launches.append((kick_nodes, each_node, [rows, substep, state, out.forces, parameters, frame], [out.kicked]))
     velocities = out.kicked
     if pairs.count > 0:
         launches += [

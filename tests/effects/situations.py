@@ -6,14 +6,17 @@ from typing import Any
 import numpy as np
 
 from egophys_core.effects import LIBRARY, Surroundings, TwinEffect
-from egophys_core.effects.effect import Body, Load, Scene
+from egophys_core.effects.effect import Body
 from egophys_core.kinds import node_masses
-from egophys_core.simulation import Controls, Rollout, batch_of_models, rollout
+from egophys_core.simulation import BatchEffect, Controls, Rollout, batch_of_models, rollout
 from egophys_core.twin import ObjectModel, SpringKind, per_kind
-from tests.simulation.scenes import FAR_BELOW, frame_times, idle_controls, sheet_model, sheet_positions
+from tests.simulation.scenes import FAR_BELOW, frame_times, idle_controls, scene, sheet_model, sheet_positions
+from tests.simulation.substep_path import forces_along, forces_at_start
 
-FRAME = 1 / 30
-"""Seconds."""
+FRAME, DT = 1 / 30, 1 / 600
+"""Seconds of a frame and of a substep."""
+
+G = 9.81
 
 
 def sheet(**changes: Any) -> ObjectModel:
@@ -79,48 +82,56 @@ def centre_path(result: Rollout) -> np.ndarray:
     return result.positions[0].astype(np.float64).mean(axis=1)
 
 
-def frame_scene(positions: Any, **changes: Any) -> Scene:
-    """Free nodes at rest of 1 kg each, with no springs and one controller that holds nothing."""
+def body_at(positions: Any, **changes: Any) -> Body:
+    """Free nodes at rest of 1 kg each, with no springs."""
     nodes = np.asarray(positions, float)
     known: dict[str, Any] = {
-        "time": 0.0,
-        "duration": FRAME,
-        "velocities": np.zeros_like(nodes),
         "rest_positions": nodes,
         "masses": np.ones(len(nodes)),
         "springs": np.zeros((0, 2), int),
-        "rest_lengths": np.zeros(0),
-        "controllers": np.zeros((1, 3)),
-        "controller_velocities": np.zeros((1, 3)),
-        "held": np.zeros((0, 2), int),
-        "contact_height": 0.0,
-        "gravity": 9.81,
+        "bending": np.zeros(0, bool),
+        "stiffness": np.zeros(0),
+        "damping": np.zeros(0),
+        "gravity": G,
+        "begins": 0.0,
     }
-    return Scene(positions=nodes, **{**known, **changes})
+    return Body(positions=nodes, **{**known, **changes})
 
 
-def spring_scene(strain: float, *, time: float = 0.0) -> Scene:
-    """One spring of 0.1 m under a strain."""
-    return frame_scene(
-        [[0, 0, 0], [0.1 * (1 + strain), 0, 0]], springs=np.array([[0, 1]]), rest_lengths=np.array([0.1]), time=time
+def accelerations(
+    name: str, values: dict[str, float], positions: Any, *, velocities: Any = None, start: Any = None, dt: float = DT
+) -> np.ndarray:
+    """[N, 3] m/s^2 of an effect on free nodes of 1 kg that began at rest at `start`, in a substep of `dt`."""
+    force = LIBRARY[name].node_force
+    assert force is not None
+    body = body_at(positions if start is None else start)
+    effect = BatchEffect(
+        effect=LIBRARY[name], numbers=force.numbers(values, body)[None].astype(np.float32), present=np.ones(1, bool)
     )
+    batch = scene(positions, idle_controls(np.array([0.0, dt])), velocities=velocities, ground_height=0.0, gravity=G)
+    quiet = [forces_at_start(replace(batch, effects=effects))[0] for effects in ((effect,), ())]
+    return np.asarray(quiet[0] - quiet[1], np.float64)
 
 
-def relative_force(load: Load, strain: float) -> float:
-    """F / (k l0) of the spring of `spring_scene` under a load."""
-    factor = 1.0 if load.stiffness_factor is None else float(load.stiffness_factor[0])
-    shift = 0.0 if load.rest_shift is None else float(load.rest_shift[0])
-    return factor * (strain - shift / 0.1)
-
-
-def loads_of(name: str, values: dict[str, float], scenes: list[Scene]) -> list[Load]:
-    """What an effect does in consecutive frames."""
-    load, memory, found = LIBRARY[name].load, None, []
-    assert load is not None
-    for scene in scenes:
-        each, memory = load(values, scene, memory)
-        found.append(each)
-    return found
+def relative_forces(name: str, values: dict[str, float], strains: Any, *, dt: float = DT) -> np.ndarray:
+    """F / (k l0) of one spring that is held at a strain after the other, for a substep each."""
+    law = LIBRARY[name].spring_law
+    assert law is not None
+    numbers = np.zeros((1, 4), np.float32)
+    known = law.numbers(values, body_at([[0, 0, 0], [0.1, 0, 0]]))
+    numbers[0, : len(known)] = known
+    effect = BatchEffect(effect=LIBRARY[name], numbers=numbers, present=np.ones(1, bool))
+    batch = scene(
+        [[0, 0, 0], [0.1, 0, 0]],
+        idle_controls(np.array([0.0, 2 * dt])),
+        springs=[(0, 1)],
+        rest_lengths=[0.1],
+        stiffness=10.0,
+    )
+    lengths = 0.1 * (1.0 + np.asarray(strains, float))
+    places = np.zeros((len(lengths), 2, 3))
+    places[:, 1, 0] = lengths
+    return forces_along(replace(batch, effects=(effect,)), places)[:, 0, 0] / (10.0 * 0.1)
 
 
 def body_of(model: ObjectModel) -> Body:
@@ -135,6 +146,7 @@ def body_of(model: ObjectModel) -> Body:
         stiffness=model.stiffness.astype(np.float64),
         damping=model.spring_damping.astype(np.float64),
         gravity=model.parameters.gravity,
+        begins=0.0,
     )
 
 

@@ -53,7 +53,8 @@ def test_an_effect_says_what_it_is_and_what_it_is_taken_for(name):
     assert "=" in effect.equation
     assert effect.source
     assert effect.traits.experiment
-    assert effect.load or effect.adapt or effect.drive or effect.clock or effect.frame
+    ways = (effect.node_force, effect.spring_law, effect.adapt, effect.drive, effect.clock, effect.frame)
+    assert any(each is not None for each in ways)
     assert effect.traits.confounders
     assert set(effect.traits.confounders) <= set(LIBRARY) - {name}
 

@@ -42,16 +42,14 @@ def test_a_degenerate_parameter_says_how_not_how_much(effect: Effect):
 
 @EFFECTS
 def test_what_is_measured_directly_has_the_map_that_it_is_measured_by(effect: Effect):
-    traits, has_map = effect.traits, False
+    traits, has_map = effect.traits, True
     match traits.measured_by:
         case Measurement.GRIPS:
-            has_map = any((effect.clock, effect.drive, traits.held_displacement))
+            has_map = any((effect.clock, effect.drive))
         case Measurement.TABLE_LEVEL:
             has_map = effect.frame is not None
         case Measurement.RING_DOWN:
             has_map = traits.degenerate_parameter is not None and len(effect.parameters) == 2
-        case None:
-            has_map = traits.held_displacement is None
     assert has_map
 
 
@@ -72,12 +70,3 @@ def test_predicates_take_any_values_of_their_effect(effect: Effect):
         traits = effect.traits
         found = (traits.is_horizontal(values), traits.is_vertical(values), traits.is_implausible(values, rest))
         assert all(isinstance(each, bool) for each in found)
-
-
-def test_what_slides_in_a_grip_slides_from_its_onset_on():
-    times = np.array([0.0, 1.0, 2.0, 4.0])
-    values = {"x": 0.01, "y": 0.0, "z": -0.02, "onset": 1.0}
-    for effect in LIBRARY.values():
-        if effect.traits.held_displacement:
-            found = effect.traits.held_displacement(values, times)
-            assert found == pytest.approx(np.outer([0.0, 0.0, 1.0, 3.0], [0.01, 0.0, -0.02]))

@@ -8,7 +8,8 @@ from scipy.spatial import ConvexHull, Delaunay
 
 from egophys_core.effects.rotations import rotation
 from egophys_core.errors import EpisodeError
-from egophys_core.kinds.rest_shape import farthest_points, rest_shape
+from egophys_core.geometry import farthest_points
+from egophys_core.kinds.rest_shape import rest_shape
 from egophys_core.observation import find_hands
 from egophys_core.observation.at_rest import observed_at_rest
 from egophys_core.observation.registration import place, placed
@@ -74,11 +75,6 @@ def test_too_many_points_are_thinned_evenly():
     # Each node was the farthest from the others when it was chosen, so no point is left farther away than that.
     farthest = np.linalg.norm(points[:, None] - shape.positions[None], axis=2).min(axis=1).max()
     assert 0.02 < farthest <= gaps.min() + 1e-6
-
-
-def test_farthest_points_keeps_all_of_a_small_set():
-    assert farthest_points(np.zeros((3, 3)), 5).tolist() == [0, 1, 2]
-    assert farthest_points(np.array([[0.0, 0, 0], [1, 0, 0], [5, 0, 0], [2, 0, 0]]), 2).tolist() == [0, 2]
 
 
 def test_points_at_one_place_become_one_node():

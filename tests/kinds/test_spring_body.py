@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from egophys_core.kinds import node_masses
+from egophys_core.kinds import KINDS, node_masses
 from egophys_core.kinds.kind import RestShape
 from egophys_core.kinds.spring_body import spring_graph
 from egophys_core.twin import SpringKind, connected_components
 from tests.identification.synthetic import SPACING, candidate, searched_numbers, sheet_shape
 from tests.simulation.scenes import sheet_positions
 
-SEEN = ("sheet", "solid")
+SEEN = [name for name, kind in KINDS.items() if kind.from_surface]
 """Kinds of what is seen as a surface."""
 
 

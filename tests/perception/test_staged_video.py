@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from egophys_core.cli.main import main
+from egophys_core.episode_source import EpisodeSource, Source, load_episodes
 from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.perception.learned.weights import LearnedModelError
 from egophys_core.perception.live import require_live
@@ -168,6 +169,13 @@ def test_missing_weights_are_named_in_one_error_before_the_work(tmp_path, capsys
     assert "trellis" not in said
     assert "trellis (" in refused(tmp_path / "models", "--completion", "generated")
     assert not (tmp_path / "out").exists()
+
+
+def test_builds_from_video_name_them_too(tmp_path):
+    """The way of `twin_node`, whose parameters are these options."""
+    source = EpisodeSource(source=Source.VIDEO, perception=learned())
+    with pytest.raises(LearnedModelError, match="weights models: no such folder"):
+        load_episodes([bag(tmp_path / "bag", video("sheet")[:2])], source)
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,10 @@ from tests.reference import self_collision
 
 Grip = tuple[int, int, float, ContactKind]
 """Node, controller point, rest length m, what the contact does."""
-ExtraForce = Callable[[float, np.ndarray, np.ndarray], np.ndarray]
-"""From time s, positions and velocities [N, 3]: newtons [N, 3] on the nodes."""
+ExtraForce = Callable[[float, float, np.ndarray, np.ndarray], np.ndarray]
+"""From time s, seconds of the substep, positions and velocities [N, 3]: newtons [N, 3] on the nodes."""
+ReferenceLaw = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]]
+"""From strains [E] and seconds of the substep: factors on stiffness and shifts of rest lengths, over these, [E]."""
 
 
 def spring_force(
@@ -139,13 +141,19 @@ def controller_motion(controls: Controls, frame: int, share: float) -> tuple[np.
 
 
 def simulate(
-    batch: RolloutBatch, row: int, *, substeps: int | Sequence[int], extra: ExtraForce | None = None
+    batch: RolloutBatch,
+    row: int,
+    *,
+    substeps: int | Sequence[int],
+    extra: ExtraForce | None = None,
+    laws: Sequence[ReferenceLaw] = (),
 ) -> np.ndarray:
     """[F, N, 3] float64 metres: one rollout of a batch.
 
     Args:
         substeps: of every frame, or of each [F - 1].
-        extra: what the batch's effects do, written again; they are not looked at themselves.
+        extra: what the batch's node forces do, written again; they are not looked at themselves.
+        laws: what its spring laws do, likewise; they remember, and serve one rollout.
     """
     alpha, controls = batch.parameters[row], batch.controls[row]
     masses = batch.masses[row].astype(np.float64)
@@ -186,9 +194,10 @@ def simulate(
         dt = (controls.times[frame + 1] - controls.times[frame]) / steps
         for substep in range(steps):
             time = controls.times[frame] - controls.times[0] + substep * dt
-            forces = np.zeros_like(x) if extra is None else extra(time, x, v)
-            for i, j, numbers in springs:
-                force = spring_force(x[j] - x[i], v[i] - v[j], **numbers)
+            forces = np.zeros_like(x) if extra is None else extra(time, dt, x, v)
+            for (i, j, numbers), factor, shift in zip(springs, *acting_laws(laws, springs, x, dt), strict=True):
+                changed = numbers | {"stiffness": factor * numbers["stiffness"], "rest": (1 + shift) * numbers["rest"]}
+                force = spring_force(x[j] - x[i], v[i] - v[j], **changed)
                 forces[i] += force
                 forces[j] -= force
             for node, controller, rest, kind in grips:
@@ -213,6 +222,19 @@ def simulate(
             hand, hand_velocity = controller_motion(controls, frame, (substep + 1) / steps)
         frames.append(x.copy())
     return np.stack(frames)
+
+
+def acting_laws(
+    laws: Sequence[ReferenceLaw], springs: Sequence[tuple[int, int, dict[str, float]]], x: np.ndarray, dt: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """[E] product of the factors and sum of the shifts of all laws."""
+    factors, shifts = np.ones(len(springs)), np.zeros(len(springs))
+    if laws:
+        strains = np.array([np.linalg.norm(x[j] - x[i]) / numbers["rest"] - 1 for i, j, numbers in springs])
+        for law in laws:
+            factor, shift = law(strains, dt)
+            factors, shifts = factors * factor, shifts + shift
+    return factors, shifts
 
 
 def self_collision_pairs(rest_positions: np.ndarray, distance: float) -> list[self_collision.Pair]:

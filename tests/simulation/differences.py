@@ -15,6 +15,7 @@ STEPS = {
     "damping": 1e-5,
     "rest_lengths": 1e-6,
     "longest_extensions": 1e-6,
+    "masses": 1e-6,
     "controller_stiffness": 1e-3,
     "controller_damping": 1e-5,
     "gravity": 1e-4,
@@ -63,7 +64,7 @@ def changed(batch: RolloutBatch, name: str, row: int, index: tuple[int, ...], by
         effects = list(batch.effects)
         effects[owner] = replace(effects[owner], numbers=numbers)
         return replace(batch, effects=tuple(effects))
-    if name in ("stiffness", "damping", "rest_lengths", "longest_extensions", "positions", "velocities"):
+    if name in ("stiffness", "damping", "rest_lengths", "longest_extensions", "masses", "positions", "velocities"):
         values = getattr(batch, name).astype(np.float64)
         values[(row, *index)] += by
         return replace(batch, **{name: values})

@@ -3,9 +3,11 @@
 import numpy as np
 import warp as wp
 
-from egophys_core.simulation import ForceEffect, RolloutBatch
-from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.state import ParameterArrays, StateArrays
+from egophys_core.effects.effect import Effect, NodeForce
+from egophys_core.effects.traits import Traits
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
+from egophys_core.simulation import BatchEffect, RolloutBatch
 from tests.reference.simulator import ExtraForce
 
 
@@ -16,6 +18,7 @@ def add_gust(
     last: int,
     column: int,
     time: Lanes,
+    dt: Lanes,
     state: StateArrays,
     parameters: ParameterArrays,
     numbers: wp.array2d(dtype=Lanes),
@@ -39,6 +42,7 @@ def add_tether(
     last: int,
     column: int,
     time: Lanes,
+    dt: Lanes,
     state: StateArrays,
     parameters: ParameterArrays,
     numbers: wp.array2d(dtype=Lanes),
@@ -55,12 +59,31 @@ def add_tether(
             forces[group, node, axis] -= pull + wp.cw_mul(damping, velocities[group, node, axis])
 
 
-def gust_and_tether(gusts: np.ndarray, tethers: np.ndarray) -> tuple[ForceEffect, ForceEffect]:
-    """Both, with numbers [K, 4] and [K, 2]."""
-    return (
-        ForceEffect(add_forces=add_gust, numbers=np.asarray(gusts, np.float32)),
-        ForceEffect(add_forces=add_tether, numbers=np.asarray(tethers, np.float32)),
+def toy(name: str, function: wp.Function) -> Effect:
+    """An effect that is nothing but a force."""
+    return Effect(
+        name=name,
+        summary="a toy",
+        equation="F = f",
+        source="none",
+        parameters=(),
+        traits=Traits(confounders=(), experiment="none"),
+        starts=lambda surroundings: [],
+        node_force=NodeForce(function=function, numbers=lambda values, body: np.zeros(0)),
     )
+
+
+GUST, TETHER = toy("toy gust", add_gust), toy("toy tether", add_tether)
+
+
+def gust_and_tether(gusts: np.ndarray, tethers: np.ndarray) -> tuple[BatchEffect, BatchEffect]:
+    """Both, with numbers [K, 4] and [K, 2]."""
+    return of_toy(GUST, gusts), of_toy(TETHER, tethers)
+
+
+def of_toy(effect: Effect, numbers: np.ndarray) -> BatchEffect:
+    """An effect that all rollouts have, with numbers [K, P]."""
+    return BatchEffect(effect=effect, numbers=np.asarray(numbers, np.float32), present=np.ones(len(numbers), bool))
 
 
 def extra_force(batch: RolloutBatch, row: int) -> ExtraForce | None:
@@ -69,4 +92,4 @@ def extra_force(batch: RolloutBatch, row: int) -> ExtraForce | None:
         return None
     gust, tether = (effect.numbers[row].astype(np.float64) for effect in batch.effects)
     masses = batch.masses[row].astype(np.float64)[:, None]
-    return lambda time, x, v: masses * time * gust[:3] * (time < gust[3]) - tether[0] * x - tether[1] * v
+    return lambda time, dt, x, v: masses * time * gust[:3] * (time < gust[3]) - tether[0] * x - tether[1] * v

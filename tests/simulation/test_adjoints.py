@@ -8,9 +8,9 @@ import warp as wp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from egophys_core.lanes import LANES, Lanes, pack, unpack
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 from egophys_core.simulation.device_arrays import PARAMETER_NAMES
-from egophys_core.simulation.lanes import LANES, Lanes, pack, unpack
-from egophys_core.simulation.state import ParameterArrays, StateArrays
 from egophys_core.simulation.terms import spring_adjoint as spring_adjoint
 from egophys_core.simulation.terms.ground import collide, project_upward_force
 from egophys_core.simulation.terms.springs import UNLIMITED, SpringArrays, add_grip_forces, add_spring_forces
@@ -101,6 +101,7 @@ def spring_derivatives(*, plain: bool, grips: bool) -> dict[str, np.ndarray]:
     numbers.masses, numbers.inverse_masses = (lanes(np.ones((2 * LANES, nodes))) for _ in range(2))
     state = StateArrays()
     state.positions, state.velocities = (lanes(generator.normal(0, 1, (2 * LANES, points, 3))) for _ in range(2))
+    state.memory = lanes(np.zeros((2 * LANES, springs, 1)))
     forces = lanes(np.zeros((2 * LANES, nodes, 3)))
     with wp.Tape() as tape:
         wp.launch(

@@ -10,7 +10,6 @@ from egophys_core.effects.rotations import rotation
 from egophys_core.errors import SimulationError
 from egophys_core.kinds.sheet import resting_height
 from egophys_core.simulation import Controls, batch_of_models, rollout
-from egophys_core.simulation.gradients import differentiate
 from egophys_core.twin import ObjectModel
 from tests.simulation.scenes import frame_times, idle_controls, sheet_model, sheet_positions
 
@@ -114,12 +113,3 @@ def test_frames_that_are_not_one_for_each_rollout_are_refused():
     batch = batch_of_models([sheet_at(flat_sheet())], [idle_controls(frame_times(0.1, 1 / 30))], ground_height=0.0)
     with pytest.raises(SimulationError, match=r"frames must be \(1, 4, 4\), got \(3, 3\)"):
         replace(batch, frames=np.eye(3))
-
-
-def test_turned_rollouts_have_no_derivatives():
-    tilt = TILTS[0]
-    batch = batch_of_models(
-        [sheet_at(tilted(flat_sheet(), tilt), tilt)], [idle_controls(frame_times(0.1, 1 / 30))], ground_height=0.0
-    )
-    with pytest.raises(SimulationError, match="differentiate without effects"):
-        differentiate(batch, lambda positions: (np.zeros(len(positions)), np.zeros_like(positions)))

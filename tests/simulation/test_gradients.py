@@ -19,7 +19,7 @@ RELATIVE = 1e-3
 SPRINGS = ("stiffness", "damping", "rest_lengths", "longest_extensions")
 HANDS = ("controller_stiffness", "controller_damping", "controls")
 STARTS = ("positions", "velocities")
-BODY = ("gravity", "drag")
+BODY = ("masses", "gravity", "drag")
 TABLE = ("restitution", "friction", "ground_projection", "contact_height")
 COLLISION = ("collision_restitution", "collision_friction")
 
@@ -33,7 +33,7 @@ KINDS = {
     "in the air": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY),
     "with effects": ("effects", "drag", "positions", "velocities"),
     "on the table": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY, *TABLE),
-    "self-collision": (*SPRINGS[:3], *STARTS, "gravity", *COLLISION),
+    "self-collision": (*SPRINGS[:3], *STARTS, "masses", "gravity", *COLLISION),
 }
 """What each scene depends on and is checked for."""
 
@@ -64,7 +64,8 @@ def test_gradient_agrees_with_central_differences(scene, kind):
 def test_every_kind_of_input_is_checked():
     kinds = {kind for kinds in KINDS.values() for kind in kinds}
     gradient = differentiated("in the air")[3]
-    assert kinds | {"contact_threshold"} == {*vars(gradient), *gradient.parameters} - {"parameters"}
+    # Frames are checked with the effect that turns them (test_effect_gradients.py).
+    assert kinds | {"contact_threshold", "frames"} == {*vars(gradient), *gradient.parameters} - {"parameters"}
 
 
 def test_the_edge_of_the_contact_band_has_no_gradient():

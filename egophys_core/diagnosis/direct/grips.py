@@ -106,7 +106,7 @@ def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
 def held_displacements(grip: GripRecord, effects: Mapping[str, Values]) -> np.ndarray:
     """[F, P, 3] metres: how far tracks that are held would have gone since the hand took hold.
 
-    The clocks and drives of the effects say where the hand truly was, and what slides through it slides besides.
+    The clocks and drives of the effects say where the hand truly was, or what slides through it.
 
     Args:
         effects: parameters by the name of the effect.
@@ -116,13 +116,10 @@ def held_displacements(grip: GripRecord, effects: Mapping[str, Values]) -> np.nd
     for effect, values in known:
         times = effect.clock(values, times) if effect.clock else times
     centres = grip.centres_at(times)
+    holds = np.ones((len(times), 1), bool)
     for effect, values in known:
-        centres = effect.drive(values, grip.times, centres[:, None])[:, 0] if effect.drive else centres
-    moved = centres - centres[0]
-    for effect, values in known:
-        slides = effect.traits.held_displacement
-        moved = moved + slides(values, grip.times) if slides else moved
-    return np.asarray(moved[:, None] + grip.carried(times))
+        centres = effect.drive(values, grip.times, centres[:, None], holds)[:, 0] if effect.drive else centres
+    return np.asarray((centres - centres[0])[:, None] + grip.carried(times))
 
 
 def residual_of(grip: GripRecord, displacements: np.ndarray) -> np.ndarray:

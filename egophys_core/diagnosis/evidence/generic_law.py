@@ -4,12 +4,12 @@ The weak form of sparse identification of dynamics (Messenger and Bortz, Weak SI
 observed twin in a rollout of its own, so its column is what it does to the residual over a block, no noisy derivative.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from egophys_core.diagnosis.evidence.law_terms import LAW_TERMS
 from egophys_core.diagnosis.evidence.linear_problem import (
     Columns,
     LinearProblem,
@@ -18,8 +18,8 @@ from egophys_core.diagnosis.evidence.linear_problem import (
     free_columns,
     left_out_losses,
 )
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals_with
-from egophys_core.effects.effect import Action, Load, Scene
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.effects import TwinEffect, added
 from egophys_core.twin import ObjectModel
 
 MOST_TERMS = 3
@@ -38,39 +38,18 @@ class Term:
     """Of its coefficient."""
     step: float
     """Coefficient that is probed."""
-    acceleration: Callable[[Scene], np.ndarray]
-    """[N, 3] m/s^2 at a coefficient of 1."""
-
-
-def _along(axis: int) -> Callable[[Scene], np.ndarray]:
-    return lambda scene: np.broadcast_to(np.eye(3)[axis], scene.positions.shape)
-
-
-def _stretch(axis: int) -> Callable[[Scene], np.ndarray]:
-    def field(scene: Scene) -> np.ndarray:
-        return np.eye(3)[axis] * (scene.positions - scene.positions.mean(axis=0))[:, axis : axis + 1]
-
-    return field
-
-
-def _speed(scene: Scene) -> np.ndarray:
-    return np.linalg.norm(scene.velocities, axis=1, keepdims=True)
-
-
-def _sliding(scene: Scene) -> np.ndarray:
-    flat = scene.velocities * [1.0, 1.0, 0.0]
-    speed = np.linalg.norm(flat, axis=1, keepdims=True)
-    return -flat / np.maximum(speed, 0.03) * scene.on_table[:, None]
+    parameter: str
+    """Of `LAW_TERMS`, which simulates it."""
 
 
 TERMS = (
-    *(Term(formula=f"{name}^", unit="m/s^2", step=0.2, acceleration=_along(axis)) for axis, name in enumerate("xyz")),
-    Term(formula="v", unit="1/s", step=0.5, acceleration=lambda scene: scene.velocities),
-    Term(formula="|v| v", unit="1/m", step=2.0, acceleration=lambda scene: _speed(scene) * scene.velocities),
-    Term(formula="sliding direction on the table", unit="m/s^2", step=0.5, acceleration=_sliding),
+    *(Term(formula=f"{axis}^", unit="m/s^2", step=0.2, parameter=axis) for axis in "xyz"),
+    Term(formula="v", unit="1/s", step=0.5, parameter="linear"),
+    Term(formula="|v| v", unit="1/m", step=2.0, parameter="quadratic"),
+    Term(formula="sliding direction on the table", unit="m/s^2", step=0.5, parameter="sliding"),
     *(
-        Term(formula=f"({name} - {name}_mean) {name}^", unit="1/s^2", step=2.0, acceleration=_stretch(axis))
-        for axis, name in enumerate("xyz")
+        Term(formula=f"({axis} - {axis}_mean) {axis}^", unit="1/s^2", step=2.0, parameter=f"stretch_{axis}")
+        for axis in "xyz"
     ),
 )
 
@@ -87,8 +66,8 @@ def find_law(
     observations: Sequence[TrackedEpisode], model: ObjectModel, found: Sequence[np.ndarray], problem: LinearProblem
 ) -> Law:
     """The best law of at most `MOST_TERMS` terms, chosen one after the other by gain on left-out stretches."""
-    actions = [_action(term) for term in TERMS]
-    results = residuals_with(observations, model, actions)
+    with added(LAW_TERMS, candidate=False):
+        results = residuals(observations, [_with_term(model, term) for term in TERMS])
     columns = np.stack(
         [
             problem.column([(each[row] - baseline) / term.step for each, baseline in zip(results, found, strict=True)])
@@ -127,8 +106,7 @@ def _beside_baseline(problem: LinearProblem, columns: np.ndarray) -> Columns:
     return baseline_columns(problem).beside(free_columns(columns))
 
 
-def _action(term: Term) -> Action:
-    def act(scene: Scene, memory: Any) -> tuple[Load, Any]:
-        return Load(acceleration=term.step * term.acceleration(scene)), None
-
-    return act
+def _with_term(model: ObjectModel, term: Term) -> ObjectModel:
+    """The model with one term of the law, as large as it is probed."""
+    values = {each.name: 0.0 for each in LAW_TERMS.parameters} | {term.parameter: term.step}
+    return replace(model, effects=(*model.effects, TwinEffect(name=LAW_TERMS.name, values=values)))

@@ -17,7 +17,7 @@ DAMPING_RATIO = 0.7
 """z: the twin follows without overshoot."""
 
 
-class Nudging:
+class TrackNudging:
     """What nudges the nodes of twins towards observed tracks."""
 
     def __init__(self, tracks: ObservedTracks, times: np.ndarray, *, rate: float = RATE) -> None:

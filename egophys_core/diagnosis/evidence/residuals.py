@@ -6,7 +6,7 @@ is a tenth of its size at a track.
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,12 +14,11 @@ from egophys_core.cores import usable_cores
 from egophys_core.diagnosis.direct.mounting import beside_mounting
 from egophys_core.diagnosis.evidence.innovations import innovations
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, observed_tracks
-from egophys_core.diagnosis.evidence.observer import RATE, Nudging
-from egophys_core.effects.effect import Action
+from egophys_core.diagnosis.evidence.observer import RATE, TrackNudging
 from egophys_core.episode import Episode
-from egophys_core.kinds.rest_shape import farthest_points
+from egophys_core.geometry import farthest_points
 from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, prepare
-from egophys_core.simulation import LANES, Controls, batch_of_models, rollout, with_actions
+from egophys_core.simulation import LANES, Controls, batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 
 BLOCK_S = 0.2
@@ -93,8 +92,8 @@ class TrackedEpisode:
         return self.problem.controls.part(slice(self.first, None))
 
 
-Job = tuple[TrackedEpisode, Sequence[ObjectModel], Sequence[tuple[Action, ...]] | None]
-"""Rollouts that are simulated together: in an episode, of some models, and per model what else acts on it."""
+Job = tuple[TrackedEpisode, Sequence[ObjectModel]]
+"""Rollouts that are simulated together: in an episode, of some models."""
 
 
 def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
@@ -122,16 +121,8 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
     )
 
 
-def track_offsets(
-    observation: TrackedEpisode,
-    models: Sequence[ObjectModel],
-    *,
-    actions: Sequence[tuple[Action, ...]] | None = None,
-) -> tuple[np.ndarray, np.ndarray]:
+def track_offsets(observation: TrackedEpisode, models: Sequence[ObjectModel]) -> tuple[np.ndarray, np.ndarray]:
     """Where each model's observer leaves the tracks unexplained.
-
-    Args:
-        actions: per model what else acts on it.
 
     Returns:
         [K, T - first, P, 3] metres, measured minus twin, NaN where unseen; and [K] bool, which rollouts diverged.
@@ -145,8 +136,10 @@ def track_offsets(
         ground_height=problem.episode.ground_height,
     )
     # Free rollouts are not nudged.
-    nudging = None if observation.free else Nudging(observation.tracks, problem.episode.times, rate=observation.rate)
-    result = rollout(with_actions(batch, tuple(actions or [()] * count), pull=nudging))
+    if not observation.free:
+        nudging = TrackNudging(observation.tracks, problem.episode.times, rate=observation.rate)
+        batch = replace(batch, nudging=nudging)
+    result = rollout(batch)
     measured = observation.tracks.positions[observation.first :]
     offsets = np.stack([measured - observation.tracks.on_twin(positions) for positions in result.positions])
     return offsets, np.array([failure is not None for failure in result.failures])
@@ -182,17 +175,9 @@ def residuals(
     """
     size = _rollouts_together(len(observations), len(models))
     parts = [models[first : first + size] for first in range(0, len(models), size)]
-    found = _side_by_side([(each, part, None) for part in parts for each in observations], progress)
+    found = _side_by_side([(each, part) for part in parts for each in observations], progress)
     of_parts = [found[first : first + len(observations)] for first in range(0, len(found), len(observations))]
     return [np.concatenate(each) for each in zip(*of_parts, strict=True)]
-
-
-def residuals_with(
-    observations: Sequence[TrackedEpisode], model: ObjectModel, actions: Sequence[Action]
-) -> list[np.ndarray]:
-    """As `residuals`, of one model with each of the actions in turn."""
-    models, single = [model] * len(actions), [(action,) for action in actions]
-    return _side_by_side([(each, models, single) for each in observations])
 
 
 def _side_by_side(jobs: Sequence[Job], progress: Callable[[float], None] = lambda share: None) -> list[np.ndarray]:
@@ -200,7 +185,7 @@ def _side_by_side(jobs: Sequence[Job], progress: Callable[[float], None] = lambd
     found: list[np.ndarray] = []
     with ThreadPoolExecutor(usable_cores()) as pool:
         try:
-            for each in pool.map(lambda job: _left_in_blocks(job[0], *track_offsets(*job[:2], actions=job[2])), jobs):
+            for each in pool.map(lambda job: _left_in_blocks(job[0], *track_offsets(*job)), jobs):
                 found.append(each)
                 progress(len(found) / len(jobs))
         finally:

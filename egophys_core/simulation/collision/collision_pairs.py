@@ -6,10 +6,10 @@ import numpy as np
 import warp as wp
 
 from egophys_core.errors import SimulationError
+from egophys_core.lanes import Lanes, group_count, pack
 from egophys_core.simulation.collision import pair_search
 from egophys_core.simulation.collision.pair_search import CLUSTER_SIZE, BoxArrays, ClusterArrays, SearchArrays
 from egophys_core.simulation.collision.self_collision import PairArrays
-from egophys_core.simulation.lanes import Lanes, group_count, pack
 
 
 class PairFinder:

@@ -9,8 +9,8 @@ import math
 
 import warp as wp
 
+from egophys_core.lanes import LANES, Lanes
 from egophys_core.simulation.collision.self_collision import PairArrays, any_positive, difference
-from egophys_core.simulation.lanes import LANES, Lanes
 
 REST_RATIO = 0.5 * math.pi
 """Pairs nearer at rest than this times their collision distance never collide. It is arc over chord of the tightest

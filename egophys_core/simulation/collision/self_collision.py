@@ -8,7 +8,7 @@ conserve momentum, and a restitution of at most 1 adds no energy.
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
+from egophys_core.lanes import LANES, Lanes
 
 RECOVERY_RATE = 100.0
 """1/s. Nodes nearer than their collision distance part with this times what they lack. Stopping the approach alone

@@ -2,8 +2,8 @@
 
 import warp as wp
 
-from egophys_core.simulation.lanes import Lanes
-from egophys_core.simulation.state import ParameterArrays, StateArrays
+from egophys_core.lanes import Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 
 
 @wp.func

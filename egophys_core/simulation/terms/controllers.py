@@ -2,8 +2,8 @@
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.state import FrameArrays, StateArrays
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import FrameArrays, StateArrays
 
 
 @wp.struct

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
+from egophys_core.lanes import LANES, Lanes
 
 # Conditions are products of wp.step (1 where the argument is negative) instead of branches, which would keep
 # the compiler from working on all lanes at once.

@@ -13,10 +13,10 @@ import numpy as np
 import warp as wp
 
 from egophys_core.kinds.rod_curve import fastest_bending
-from egophys_core.simulation.lanes import Lanes
-from egophys_core.simulation.state import ParameterArrays, StateArrays
-from egophys_core.simulation.terms.force_effect import ForceEffect
-from egophys_core.simulation.terms.rod_sections import FIRST_LENGTH, PER_NODE, settle_sections
+from egophys_core.lanes import Lanes, pack
+from egophys_core.lanes.state import StateArrays
+from egophys_core.simulation.batch import Rods
+from egophys_core.simulation.terms.rod_sections import SECTION_NUMBERS, RodArrays
 from egophys_core.twin import PhysicalParameters, level_axes
 
 TORSION_RATIO = 2.0 / 3.0
@@ -35,26 +35,21 @@ def add_bending_forces(
     group: int,
     first: int,
     last: int,
-    column: int,
-    time: Lanes,
+    nodes: int,
     state: StateArrays,
-    parameters: ParameterArrays,
-    numbers: wp.array2d(dtype=Lanes),
+    rods: RodArrays,
     forces: wp.array3d(dtype=Lanes),
 ):
-    """Add the forces of the turns at nodes first..last-1 to these and their neighbours, N."""
-    # EI, N m^2, and its product with the retardation time, N m^2 s.
-    rigidity = numbers[group, column]
-    viscosity = numbers[group, column + 1]
-    nodes = parameters.masses.shape[1]
-    of_sections = column + FIRST_LENGTH + nodes - 1
+    """Add the forces of the turns at nodes first..last-1 to these and their neighbours, N, and those of sections."""
+    rigidity = rods.rigidity[group]
+    viscosity = rods.viscosity[group]
     for node in range(first, last):
         for axis in range(3):
-            forces[group, node, axis] += numbers[group, of_sections + PER_NODE * node + axis]
+            forces[group, node, axis] += rods.forces[group, node, axis]
     one = Lanes(1.0)
     for node in range(wp.max(first, 1), wp.min(last, nodes - 1)):
-        length = numbers[group, column + FIRST_LENGTH + node - 1]
-        next_length = numbers[group, column + FIRST_LENGTH + node]
+        length = rods.lengths[group, node - 1]
+        next_length = rods.lengths[group, node]
         back = wp.cw_div(one, length)
         onward = wp.cw_div(one, next_length)
         stood_for = 0.5 * (length + next_length)
@@ -84,8 +79,8 @@ def rod_bending(
     masses: np.ndarray,
     starts: np.ndarray,
     far_clamps: np.ndarray,
-) -> ForceEffect:
-    """The bending of K rods as a term of the simulator.
+) -> Rods:
+    """The bending of K rods.
 
     Args:
         lengths: [K, N - 1] metres of the pieces between nodes.
@@ -93,16 +88,32 @@ def rod_bending(
         starts: [K, N, 3] metres, where the nodes lie at the start: a rod's axis is the way from its first to its last.
         far_clamps: [K] whether a clamp holds the last node.
     """
-    stiff = np.array([[each.flexural_rigidity] for each in parameters])
-    viscous = stiff * np.array([[each.retardation_time] for each in parameters])
+    stiff = np.array([each.flexural_rigidity for each in parameters])
+    viscous = stiff * np.array([each.retardation_time for each in parameters])
     axes = np.array([level_axes(start[-1] - start[0]) for start in starts])
     bends = np.array([[each.natural_bend_level, each.natural_bend_up] for each in parameters])
-    sections = [TORSION_RATIO * stiff, far_clamps[:, None], np.einsum("kb,kbi->ki", bends, axes[:, 1:]), axes[:, 0]]
-    found = np.zeros((len(masses), PER_NODE * masses.shape[1]))
-    fastest = np.array([fastest_bending(*each) for each in zip(lengths, masses, strict=True)])[:, None]
-    return ForceEffect(
-        add_forces=add_bending_forces,
-        numbers=np.concatenate([stiff, viscous, *sections, lengths, found], axis=1).astype(np.float32),
-        settle=settle_sections,
-        rates=fastest * np.concatenate([stiff, viscous], axis=1),
+    fastest = np.array([fastest_bending(*each) for each in zip(lengths, masses, strict=True)])
+    return Rods(
+        rigidity=stiff,
+        viscosity=viscous,
+        torsion=TORSION_RATIO * stiff,
+        far_clamps=np.asarray(far_clamps, bool),
+        bends=np.einsum("kb,kbi->ki", bends, axes[:, 1:]),
+        axes=axes[:, 0],
+        lengths=lengths,
+        rates=np.stack([fastest * stiff, fastest * viscous], axis=1),
     )
+
+
+def rod_arrays(rods: Rods | None, device: str) -> RodArrays:
+    """Rods on a device, with sections that are not turned yet; nothing to bend if there are none."""
+    arrays = RodArrays()
+    if rods is None:
+        return arrays
+    arrays.bend = 1
+    for name in ("rigidity", "viscosity", "torsion", "far_clamps", "bends", "axes", "lengths"):
+        setattr(arrays, name, wp.array(pack(getattr(rods, name)), dtype=Lanes, device=device))
+    shape = (arrays.rigidity.shape[0], rods.lengths.shape[1] + 1)
+    arrays.forces = wp.zeros((*shape, 3), dtype=Lanes, device=device)
+    arrays.sections = wp.zeros((*shape, SECTION_NUMBERS), dtype=Lanes, device=device)
+    return arrays

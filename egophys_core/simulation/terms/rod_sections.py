@@ -16,18 +16,14 @@ angle. What a clamp holds is not turned: two points on a line do not tell that i
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.state import StateArrays
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import StateArrays
 
-TORSION, FAR, BEND, AXIS, FIRST_LENGTH = 2, 3, 4, 7, 10
-"""Columns: GJ, N m^2; 1 if a clamp holds the far end, else 0; of three coordinates each the natural bend on the
-straight rod, 1/m, and the axis; the first piece's length, metres. Before them stand EI and what `rod_bending` reads."""
+ANGLE, TURNED, ALONG, ACROSS, TWISTING, PIVOT, BESIDE, STEP = 0, 1, 2, 3, 4, 5, 6, 7
+"""Numbers of a section, by node: theta; m; EI t . k at angles of 0 and of 90 degrees; GJ / H; and of Newton's method a
+row of the elimination and the step."""
 
-ANGLE, TURNED, ALONG, ACROSS, TWISTING, PIVOT, BESIDE, STEP = 3, 4, 5, 6, 7, 8, 9, 10
-"""After the lengths there are by node the force on it, N, three coordinates, and then: theta; m; EI t . k at angles of
-0 and of 90 degrees; GJ / H; and of Newton's method a row of the elimination and the step."""
-
-PER_NODE = 11
+SECTION_NUMBERS = 8
 
 ROUNDS = 4
 """Of Newton's method in a frame, from the angles of the last one."""
@@ -36,10 +32,36 @@ LEAST_SUM = 0.1
 """Of 1 and the cosine between the axis and the line: no least rotation turns a direction into its opposite."""
 
 
+@wp.struct
+class RodArrays:
+    """Rods, all `Lanes`."""
+
+    bend: int
+    """1 if the objects are rods, else 0."""
+    rigidity: wp.array(dtype=Lanes)
+    """[G] EI, N m^2."""
+    viscosity: wp.array(dtype=Lanes)
+    """[G] N m^2 s."""
+    torsion: wp.array(dtype=Lanes)
+    """[G] GJ, N m^2."""
+    far_clamps: wp.array(dtype=Lanes)
+    """[G] 1 if a clamp holds the far end, else 0."""
+    bends: wp.array2d(dtype=Lanes)
+    """[G, 3] the natural bend on the straight rod, 1/m."""
+    axes: wp.array2d(dtype=Lanes)
+    """[G, 3] direction of the straight rod."""
+    lengths: wp.array2d(dtype=Lanes)
+    """[G, N - 1] metres of the pieces."""
+    forces: wp.array3d(dtype=Lanes)
+    """[G, N, 3] newtons of the natural bend and of twist, held for a frame."""
+    sections: wp.array3d(dtype=Lanes)
+    """[G, N, SECTION_NUMBERS] how sections are turned, from frame to frame."""
+
+
 @wp.func
-def three(group: int, column: int, lane: int, numbers: wp.array2d(dtype=Lanes)) -> wp.vec3:
+def three(group: int, lane: int, values: wp.array2d(dtype=Lanes)) -> wp.vec3:
     """Three numbers of a lane."""
-    return wp.vec3(numbers[group, column][lane], numbers[group, column + 1][lane], numbers[group, column + 2][lane])
+    return wp.vec3(values[group, 0][lane], values[group, 1][lane], values[group, 2][lane])
 
 
 @wp.func
@@ -59,62 +81,60 @@ def brought_along(axis: wp.vec3, direction: wp.vec3, across: wp.vec3) -> wp.vec3
 
 
 @wp.func
-def moment_about(group: int, row: int, lane: int, angle: float, numbers: wp.array2d(dtype=Lanes)) -> float:
+def moment_about(group: int, node: int, lane: int, angle: float, sections: wp.array3d(dtype=Lanes)) -> float:
     """N m, by which the natural bend resists a growing angle at a node."""
-    along = numbers[group, row + ALONG][lane]
-    return along * wp.sin(angle) - numbers[group, row + ACROSS][lane] * wp.cos(angle)
+    along = sections[group, node, ALONG][lane]
+    return along * wp.sin(angle) - sections[group, node, ACROSS][lane] * wp.cos(angle)
 
 
 @wp.func
-def stiffness_about(group: int, row: int, lane: int, angle: float, numbers: wp.array2d(dtype=Lanes)) -> float:
+def stiffness_about(group: int, node: int, lane: int, angle: float, sections: wp.array3d(dtype=Lanes)) -> float:
     """N m, a quarter of the slope of that moment, so far as it is one of a minimum."""
-    along = numbers[group, row + ALONG][lane]
-    return 0.25 * wp.max(along * wp.cos(angle) + numbers[group, row + ACROSS][lane] * wp.sin(angle), 0.0)
+    along = sections[group, node, ALONG][lane]
+    return 0.25 * wp.max(along * wp.cos(angle) + sections[group, node, ACROSS][lane] * wp.sin(angle), 0.0)
 
 
 @wp.func
-def step_of_newton(group: int, lane: int, nodes: int, last: int, rows: int, numbers: wp.array2d(dtype=Lanes)):
+def step_of_newton(group: int, lane: int, nodes: int, last: int, sections: wp.array3d(dtype=Lanes)):
     """Bring the angles of pieces 2..last nearer to rest (elimination along the rod, then back)."""
     for piece in range(2, last + 1):
-        before = rows + (piece - 1) * PER_NODE
-        row = before + PER_NODE
-        here = numbers[group, row + ANGLE][lane]
-        backward = numbers[group, before + ANGLE][lane]
-        twisting = numbers[group, before + TWISTING][lane]
-        bending = stiffness_about(group, before, lane, 0.5 * (backward + here), numbers)
-        right = -twisting * (here - backward + numbers[group, before + TURNED][lane])
-        right -= 0.5 * moment_about(group, before, lane, 0.5 * (backward + here), numbers)
+        before = piece - 1
+        here = sections[group, piece, ANGLE][lane]
+        backward = sections[group, before, ANGLE][lane]
+        twisting = sections[group, before, TWISTING][lane]
+        bending = stiffness_about(group, before, lane, 0.5 * (backward + here), sections)
+        right = -twisting * (here - backward + sections[group, before, TURNED][lane])
+        right -= 0.5 * moment_about(group, before, lane, 0.5 * (backward + here), sections)
         pivot = twisting + bending
         beside = bending - twisting
         if piece < nodes - 1:
-            onward = numbers[group, row + PER_NODE + ANGLE][lane]
-            twisting = numbers[group, row + TWISTING][lane]
-            right += twisting * (onward - here + numbers[group, row + TURNED][lane])
-            right -= 0.5 * moment_about(group, row, lane, 0.5 * (here + onward), numbers)
-            pivot += twisting + stiffness_about(group, row, lane, 0.5 * (here + onward), numbers)
+            onward = sections[group, piece + 1, ANGLE][lane]
+            twisting = sections[group, piece, TWISTING][lane]
+            right += twisting * (onward - here + sections[group, piece, TURNED][lane])
+            right -= 0.5 * moment_about(group, piece, lane, 0.5 * (here + onward), sections)
+            pivot += twisting + stiffness_about(group, piece, lane, 0.5 * (here + onward), sections)
         if piece > 2:
-            share = beside / numbers[group, before + PIVOT][lane]
+            share = beside / sections[group, before, PIVOT][lane]
             pivot -= share * beside
-            right -= share * numbers[group, before + STEP][lane]
-        numbers[group, row + PIVOT][lane] = pivot
-        numbers[group, row + BESIDE][lane] = beside
-        numbers[group, row + STEP][lane] = right
+            right -= share * sections[group, before, STEP][lane]
+        sections[group, piece, PIVOT][lane] = pivot
+        sections[group, piece, BESIDE][lane] = beside
+        sections[group, piece, STEP][lane] = right
     for back in range(last - 1):
-        row = rows + (last - back) * PER_NODE
-        right = numbers[group, row + STEP][lane]
+        piece = last - back
+        right = sections[group, piece, STEP][lane]
         if back > 0:
-            right -= numbers[group, row + PER_NODE + BESIDE][lane] * numbers[group, row + PER_NODE + STEP][lane]
-        numbers[group, row + STEP][lane] = right / numbers[group, row + PIVOT][lane]
+            right -= sections[group, piece + 1, BESIDE][lane] * sections[group, piece + 1, STEP][lane]
+        sections[group, piece, STEP][lane] = right / sections[group, piece, PIVOT][lane]
     for piece in range(2, last + 1):
-        row = rows + piece * PER_NODE
-        numbers[group, row + ANGLE][lane] += numbers[group, row + STEP][lane]
+        sections[group, piece, ANGLE][lane] += sections[group, piece, STEP][lane]
 
 
 @wp.func
-def push(group: int, row: int, lane: int, force: wp.vec3, numbers: wp.array2d(dtype=Lanes)):
+def push(group: int, node: int, lane: int, force: wp.vec3, forces: wp.array3d(dtype=Lanes)):
     """Add to the force on a node."""
     for axis in range(3):
-        numbers[group, row + axis][lane] += force[axis]
+        forces[group, node, axis][lane] += force[axis]
 
 
 @wp.func
@@ -127,51 +147,48 @@ def bent_at(group: int, node: int, lane: int, axis: wp.vec3, bend: wp.vec3, posi
 
 
 @wp.kernel(enable_backward=False)
-def settle_sections(column: int, nodes: int, state: StateArrays, numbers: wp.array2d(dtype=Lanes)):
+def settle_sections(nodes: int, state: StateArrays, rods: RodArrays):
     """Turn the sections of the rods of a lane group to where they are at rest, and find the forces on their nodes."""
     group = wp.tid()
-    lengths = column + FIRST_LENGTH
-    rows = lengths + nodes - 1
+    sections = rods.sections
     for lane in range(LANES):
-        rigidity = numbers[group, column][lane]
-        torsion = numbers[group, column + TORSION][lane]
-        axis = three(group, column + AXIS, lane, numbers)
-        bend = three(group, column + BEND, lane, numbers)
+        rigidity = rods.rigidity[group][lane]
+        torsion = rods.torsion[group][lane]
+        axis = three(group, lane, rods.axes)
+        bend = three(group, lane, rods.bends)
         for node in range(1, nodes - 1):
-            row = rows + node * PER_NODE
-            length = numbers[group, lengths + node - 1][lane]
-            next_length = numbers[group, lengths + node][lane]
+            length = rods.lengths[group, node - 1][lane]
+            next_length = rods.lengths[group, node][lane]
             before, onward, here, natural = bent_at(group, node, lane, axis, bend, state.positions)
             turn = onward / next_length - before / length
             before = wp.normalize(before)
             onward = wp.normalize(onward)
             beside = 1.0 + wp.dot(axis, before) + wp.dot(before, onward) + wp.dot(onward, axis)
-            numbers[group, row + TURNED][lane] = -2.0 * wp.atan2(wp.dot(axis, wp.cross(before, onward)), beside)
-            numbers[group, row + ALONG][lane] = rigidity * wp.dot(turn, natural)
-            numbers[group, row + ACROSS][lane] = rigidity * wp.dot(turn, wp.cross(here, natural))
-            numbers[group, row + TWISTING][lane] = 2.0 * torsion / (length + next_length)
-        last = nodes - 1 - int(numbers[group, column + FAR][lane])
+            sections[group, node, TURNED][lane] = -2.0 * wp.atan2(wp.dot(axis, wp.cross(before, onward)), beside)
+            sections[group, node, ALONG][lane] = rigidity * wp.dot(turn, natural)
+            sections[group, node, ACROSS][lane] = rigidity * wp.dot(turn, wp.cross(here, natural))
+            sections[group, node, TWISTING][lane] = 2.0 * torsion / (length + next_length)
+        last = nodes - 1 - int(rods.far_clamps[group][lane])
         for _ in range(ROUNDS):
-            step_of_newton(group, lane, nodes, last, rows, numbers)
+            step_of_newton(group, lane, nodes, last, sections)
         for node in range(nodes):
             for coordinate in range(3):
-                numbers[group, rows + node * PER_NODE + coordinate][lane] = 0.0
+                rods.forces[group, node, coordinate][lane] = 0.0
         for node in range(1, nodes - 1):
-            row = rows + node * PER_NODE
-            angle = numbers[group, row + ANGLE][lane]
-            next_angle = numbers[group, row + PER_NODE + ANGLE][lane]
-            length = numbers[group, lengths + node - 1][lane]
-            next_length = numbers[group, lengths + node][lane]
+            angle = sections[group, node, ANGLE][lane]
+            next_angle = sections[group, node + 1, ANGLE][lane]
+            length = rods.lengths[group, node - 1][lane]
+            next_length = rods.lengths[group, node][lane]
             before, onward, here, natural = bent_at(group, node, lane, axis, bend, state.positions)
             middle = 0.5 * (angle + next_angle)
             moment = rigidity * (wp.cos(middle) * natural + wp.sin(middle) * wp.cross(here, natural))
             # Twist turns a bent line out of its plane (Bergou et al., ACM Trans. Graphics 29 (2010) 116, sec. 4).
             before = wp.normalize(before)
             onward = wp.normalize(onward)
-            twist = numbers[group, row + TWISTING][lane] * (next_angle - angle + numbers[group, row + TURNED][lane])
+            twist = sections[group, node, TWISTING][lane] * (next_angle - angle + sections[group, node, TURNED][lane])
             binormal = twist / (1.0 + wp.dot(before, onward)) * wp.cross(before, onward)
             backward_force = (moment + binormal) / length
             onward_force = (moment - binormal) / next_length
-            push(group, row - PER_NODE, lane, backward_force, numbers)
-            push(group, row, lane, -backward_force - onward_force, numbers)
-            push(group, row + PER_NODE, lane, onward_force, numbers)
+            push(group, node - 1, lane, backward_force, rods.forces)
+            push(group, node, lane, -backward_force - onward_force, rods.forces)
+            push(group, node + 1, lane, onward_force, rods.forces)

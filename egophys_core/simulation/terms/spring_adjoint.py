@@ -13,8 +13,8 @@ A pressed spring has r k in place of k, so dL/dr is the sum of k dL/d(r k) over 
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.state import ParameterArrays, StateArrays
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 from egophys_core.simulation.terms.springs import (
     SHORTEST_LENGTH,
     SpringArrays,

@@ -2,8 +2,8 @@
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
-from egophys_core.simulation.state import ParameterArrays, StateArrays
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.lanes.state import ParameterArrays, StateArrays
 
 SHORTEST_LENGTH = 1.0e-9
 """Metres. Guards the division by the length: below it the elastic force fades to 0 with the length."""

@@ -5,10 +5,10 @@ import pytest
 import warp as wp
 
 from egophys_core.errors import SimulationError
+from egophys_core.lanes import LANES, Lanes, pack
 from egophys_core.simulation.collision.collision_pairs import PairFinder, clusters_of, find_pairs
 from egophys_core.simulation.collision.pair_search import CLUSTER_SIZE
 from egophys_core.simulation.collision.self_collision import PairArrays
-from egophys_core.simulation.lanes import LANES, Lanes, pack
 from tests.reference.self_collision import spare_distances
 
 HORIZON = 1 / 30

@@ -7,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from egophys_core.lanes import LANES, Lanes, pack, unpack
 from egophys_core.simulation.collision.self_collision import (
     PairArrays,
     add_contact_impulses,
     apply_changes,
     count_contacts,
 )
-from egophys_core.simulation.lanes import LANES, Lanes, pack, unpack
 from tests.reference.self_collision import Pair, colliding_pairs, recovery_speed
 from tests.reference.self_collision import collide as reference
 

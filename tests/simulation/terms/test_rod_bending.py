@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from egophys_core.errors import TwinError
+from egophys_core.errors import SimulationError
 from egophys_core.kinds import node_masses
 from egophys_core.simulation import ContactKind, Controls, RolloutBatch, batch_of_models, rollout
+from egophys_core.simulation.gradients import differentiate
 from egophys_core.simulation.terms.rod_bending import rod_bending
 from egophys_core.twin import ObjectModel, SpringGraph, chain
 from tests.simulation.scenes import FAR_BELOW, frame_times, parameters
@@ -130,16 +131,15 @@ def test_rates_bound_the_substeps_of_a_rod_of_equal_pieces() -> None:
     pieces = np.full((1, 60), 0.01)
     line = np.linspace([0.0, 0.0, 0.0], [0.6, 0.0, 0.0], 61)[None]
     stiff = parameters(flexural_rigidity=1e-3, retardation_time=0.02)
-    effect = rod_bending([stiff], pieces, np.full((1, 61), 1e-3), line, np.array([False]))
-    assert effect.rates is not None
+    rods = rod_bending([stiff], pieces, np.full((1, 61), 1e-3), line, np.array([False]))
     fastest = 16 * 1e-3 / (0.01**3 * 1e-3)
-    assert effect.rates == pytest.approx(np.array([[fastest, 0.02 * fastest]]), rel=0.02)
+    assert rods.rates == pytest.approx(np.array([[fastest, 0.02 * fastest]]), rel=0.02)
 
 
-def test_a_rod_must_be_a_chain() -> None:
-    model = rod(EVEN)
-    with pytest.raises(TwinError, match="each node to the next"):
-        replace(model, graph=replace(model.graph, springs=model.graph.springs[::-1].copy()))
+def test_rods_are_refused_where_derivatives_are_asked_for() -> None:
+    batch = thrown(rod(EVEN), clamp(EVEN, frame_times(0.02, 0.01)), rod(EVEN).graph.positions, np.zeros((22, 3)))
+    with pytest.raises(SimulationError, match="rods have no derivatives"):
+        differentiate(batch, lambda positions: (np.zeros(len(positions)), np.zeros_like(positions)))
 
 
 def test_nodes_weigh_as_much_as_their_length() -> None:

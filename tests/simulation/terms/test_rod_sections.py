@@ -5,10 +5,10 @@ import pytest
 import warp as wp
 from scipy.optimize import minimize
 
-from egophys_core.simulation.device_arrays import lanes_array, state_arrays
-from egophys_core.simulation.lanes import unpack
-from egophys_core.simulation.terms.rod_bending import TORSION_RATIO, rod_bending
-from egophys_core.simulation.terms.rod_sections import ANGLE, FIRST_LENGTH, PER_NODE
+from egophys_core.lanes import unpack
+from egophys_core.simulation.device_arrays import state_arrays
+from egophys_core.simulation.terms.rod_bending import TORSION_RATIO, rod_arrays, rod_bending
+from egophys_core.simulation.terms.rod_sections import ANGLE, settle_sections
 from egophys_core.twin import level_axes
 from tests.simulation.scenes import parameters
 
@@ -72,19 +72,18 @@ def settled(line: np.ndarray, bend: tuple[float, float], far: bool) -> tuple[np.
     """[N - 1] angles of the pieces and [N, 3] forces on the nodes, N, as the simulator finds them in some frames."""
     level, up = bend
     masses = np.full((1, NODES), 1e-3)
-    effect = rod_bending(
+    rods = rod_bending(
         [parameters(flexural_rigidity=RIGIDITY, natural_bend_level=level, natural_bend_up=up)],
         np.full((1, NODES - 1), PIECE),
         masses,
         line[None],
         np.array([far]),
     )
-    numbers = lanes_array(effect.numbers, "cpu")
+    arrays = rod_arrays(rods, "cpu")
     state = state_arrays(line[None], np.zeros((1, NODES, 3)), "cpu")
     for _ in range(5):
-        wp.launch(effect.settle, 1, inputs=[0, NODES, state, numbers], device="cpu")
-    rows = unpack(numbers.numpy(), 1)[0, FIRST_LENGTH + NODES - 1 :].reshape(NODES, PER_NODE)
-    return rows[1:, ANGLE], rows[:, :3]
+        wp.launch(settle_sections, 1, inputs=[NODES, state, arrays], device="cpu")
+    return unpack(arrays.sections.numpy(), 1)[0, 1:, ANGLE], unpack(arrays.forces.numpy(), 1)[0]
 
 
 @pytest.mark.parametrize("far", [True, False], ids=["two clamps", "a free end"])

@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 from egophys_ros_common.conversions import points_message, time_message
 from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_options, read_options
+from egophys_ros_common.parameters import declare_number, declare_options, read_options
 from egophys_ros_common.qos import latched
 from egophys_ros_common.worker import CanceledError, Worker
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
@@ -57,16 +57,9 @@ class RehearsalNode(ManagedNode):
         for name, (default, description) in TEXT_PARAMETERS.items():
             self.declare_parameter(name, default, ParameterDescriptor(description=description))
         for name, description in SEED_PARAMETERS.items():
-            seeds = [IntegerRange(from_value=0, to_value=2**31 - 1, step=1)]
-            self.declare_parameter(name, 0, ParameterDescriptor(description=description, integer_range=seeds))
-        self.declare_parameter(
-            "closed_below_m",
-            0.02,
-            ParameterDescriptor(
-                description="opening below which the gripper holds what is in reach, m",
-                floating_point_range=[FloatingPointRange(from_value=0.0, to_value=0.2)],
-            ),
-        )
+            declare_number(self, name, 0, low=0, high=2**31 - 1, doc=description)
+        doc = "opening below which the gripper holds what is near it, m"
+        declare_number(self, "closed_below_m", 0.02, low=0.0, high=0.2, doc=doc)
         declare_options(self, RehearsalOptions)
         self._worker: Worker
         self._track: ToolTrack

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from egophys_core.simulation.lanes import LANES, Lanes
+from egophys_core.lanes import LANES, Lanes
 
 RUNNING = 2**30
 """In `FrameArrays.divergence`: this rollout has not diverged."""
@@ -16,6 +16,8 @@ class StateArrays:
     """[G, N + C, 3] metres, world."""
     velocities: wp.array3d(dtype=Lanes)
     """[G, N + C, 3] m/s."""
+    memory: wp.array3d(dtype=Lanes)
+    """[G, E, M] what springs remember of how they were strained, each law in slots of its own; 0 at the start."""
 
 
 @wp.struct

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from egophys_core.errors import SimulationError
-from egophys_core.simulation import ForceEffect, RolloutBatch, rollout
-from egophys_core.simulation.device_arrays import effect_terms
-from egophys_core.simulation.step import force_sum, frame_kernel
+from egophys_core.simulation import RolloutBatch, rollout
+from egophys_core.simulation.effect_arrays import effect_terms, first_columns
+from egophys_core.simulation.step import frame_kernel
 from egophys_core.simulation.substep import forces_kernel
+from egophys_core.simulation.terms.effects import EffectTerms
 from tests.reference.simulator import simulate
-from tests.simulation.effect_terms import add_gust, add_tether, extra_force, gust_and_tether
+from tests.simulation.effect_terms import GUST, TETHER, add_gust, add_tether, extra_force, gust_and_tether, of_toy
 from tests.simulation.gradient_scenes import in_the_air
 from tests.simulation.scenes import frame_times, idle_controls, scene
 from tests.simulation.substep_path import advance_by_launches
@@ -30,6 +31,7 @@ def of_rollouts(batch: RolloutBatch, gusts, tethers) -> RolloutBatch:
 
 
 NO_GUST, NO_TETHER = [0.0, 0, 0, 0], [0.0, 0]
+G, T = (GUST.name, add_gust), (TETHER.name, add_tether)
 
 
 def test_force_that_depends_on_time_acts_as_long_as_it_should_with_the_numbers_of_each_rollout():
@@ -81,9 +83,9 @@ def test_two_effects_with_everything_else_agree_with_the_reference(numbers):
 
 def test_each_effect_reads_its_numbers_from_its_own_column():
     batch = in_the_air(effects=True)
-    assert effect_terms(batch) == ((add_gust, 0), (add_tether, 4))
+    assert first_columns(batch) == {GUST.name: 0, TETHER.name: 4}
     swapped = replace(batch, effects=batch.effects[::-1])
-    assert effect_terms(swapped) == ((add_tether, 0), (add_gust, 2))
+    assert first_columns(swapped) == {TETHER.name: 0, GUST.name: 2}
     # The sum of forces is rounded in another order.
     assert np.abs(rollout(batch).positions - rollout(swapped).positions).max() < 1e-6
 
@@ -94,31 +96,37 @@ def test_kernels_of_a_substep_do_what_the_kernel_of_a_frame_does():
     assert np.array_equal(rollout(batch).positions, advance_by_launches(batch)[0])
 
 
+def test_a_lane_group_skips_the_effects_that_none_of_its_rollouts_has():
+    """Whatever numbers these would read."""
+    gusts, tethers = np.tile([[9.0, 9, 9, 0.04]], (16, 1)), np.tile([[1.0, 0.1]], (16, 1))
+    batch = of_rollouts(in_the_air(), gusts, tethers)
+    only_first = np.arange(16) < 8
+    absent = replace(batch, effects=(replace(batch.effects[0], present=only_first), batch.effects[1]))
+    tethered = of_rollouts(in_the_air(), 0 * gusts[:1], tethers[:1])
+    found = advance_by_launches(absent)[0]
+    assert np.array_equal(found[:8], advance_by_launches(batch)[0][:8])
+    assert np.array_equal(found[8:], np.repeat(rollout(tethered).positions, 8, axis=0))
+
+
 def test_batch_without_effects_runs_the_kernel_without_them():
-    plain, with_effects = in_the_air(), in_the_air(effects=True)
-    assert effect_terms(plain) == ()
-    for kernel_of in (force_sum, frame_kernel, forces_kernel):
-        assert kernel_of(effect_terms(plain)) is kernel_of(())
-        assert kernel_of(effect_terms(with_effects)) is kernel_of(effect_terms(in_the_air(effects=True)))
-        assert kernel_of(effect_terms(with_effects)) is not kernel_of(())
+    assert effect_terms(in_the_air()) is None
+    with_effects = effect_terms(in_the_air(effects=True))
+    assert [name for name, _ in with_effects.forces] == [GUST.name, TETHER.name]
+    assert frame_kernel(with_effects) is frame_kernel(effect_terms(in_the_air(effects=True)))
+    assert frame_kernel(with_effects) is not frame_kernel(None)
 
 
-def test_each_choice_of_effects_has_kernels_of_its_own():
-    # Warp reuses a kernel with the same hash: it must see every effect and every column in it.
-    gust, tether = (lambda column: (add_gust, column)), (lambda column: (add_tether, column))
-    choices = [
-        (),
-        (gust(0),),
-        (tether(0),),
-        (gust(0), tether(4)),
-        (gust(0), tether(5)),
-        (gust(0), gust(4)),
-        (tether(0), gust(2)),
-        (gust(0), tether(4), tether(6)),
-        (gust(0), tether(4), gust(6)),
-    ]
+def test_each_choice_of_functions_has_kernels_of_its_own():
+    # Warp reuses a kernel with the same hash: it must see every function in it.
+    choices = [EffectTerms(forces=forces, laws=()) for forces in ((), (G,), (T,), (G, T), (T, G), (G, G), (G, T, G))]
     for kernel_of in (frame_kernel, forces_kernel):
         assert len({kernel_of(choice).module.name for choice in choices}) == len(choices)
+
+
+def test_an_effect_acts_once():
+    effect = of_toy(GUST, [[0.0] * 4])
+    with pytest.raises(SimulationError, match="an effect can act once in a batch, got toy gust, toy gust"):
+        replace(in_the_air(), effects=(effect, effect))
 
 
 def test_effects_of_no_size_leave_the_rollout_as_it_is_to_the_bit():
@@ -128,5 +136,5 @@ def test_effects_of_no_size_leave_the_rollout_as_it_is_to_the_bit():
 
 @pytest.mark.parametrize("shape", [(2, 1), (1,), (3, 2)])
 def test_numbers_must_have_a_row_for_each_rollout(shape):
-    with pytest.raises(SimulationError, match=r"an effect's numbers must be \[1, P\], got"):
-        replace(in_the_air(), effects=(ForceEffect(add_forces=add_gust, numbers=np.zeros(shape, np.float32)),))
+    with pytest.raises(SimulationError, match=r"the numbers of toy gust must be \[1, P\], got"):
+        replace(in_the_air(), effects=(of_toy(GUST, np.zeros(shape)),))

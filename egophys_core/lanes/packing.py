@@ -8,7 +8,7 @@ into vector instructions, and lanes never mix, so a rollout does not depend on i
 import numpy as np
 import warp as wp
 
-from egophys_core.simulation import warp_setup as warp_setup
+from egophys_core.lanes import warp_setup as warp_setup
 
 LANES = 8
 

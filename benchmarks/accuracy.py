@@ -16,12 +16,11 @@ from benchmarks.side_by_side import side_by_side
 from egophys_core.evaluation import Scores, baseline_scores, score
 from egophys_core.files import write_json
 from egophys_core.identification import FitOptions
-from egophys_core.identification.build import predict
+from egophys_core.identification.building import predict
 from egophys_core.identification.coarse import fit_coarse
 from egophys_core.identification.dense import DenseRefinement
 from egophys_core.kinds.rest_shape import rest_shape
-from egophys_core.observation import contact_flags, find_hands, prepare
-from egophys_core.observation.at_rest import observed_at_rest
+from egophys_core.observation import observe_episode, prepare
 from egophys_core.recording import read_episode
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
@@ -60,9 +59,8 @@ def episode_name(path: Path) -> str:
 def measure(path: Path) -> list[dict[str, Any]]:
     """Rows of one episode; errors in metres, minutes of elapsed time on one of two busy cores."""
     episode, options, name = read_episode(path), FitOptions(generations=GENERATIONS), episode_name(path)
-    hands = find_hands(episode)
-    points = observed_at_rest(episode, hands)[1]
-    shape = rest_shape(points, name=episode.name, ground=episode.ground_height, max_nodes=options.max_nodes)
+    observed = observe_episode(episode)
+    shape = rest_shape(observed.at_rest, name=episode.name, ground=episode.ground_height, max_nodes=options.max_nodes)
 
     def row(model: str, scores: Scores, minutes: float) -> dict[str, Any]:
         errors = {
@@ -72,13 +70,13 @@ def measure(path: Path) -> list[dict[str, Any]]:
             "test_te_m": scores.test_track_m,
         }
         finite = {key: value if np.isfinite(value) else None for key, value in errors.items()}
-        return {"episode": name, "kind": str(shape.kind), "model": model, **finite, "minutes": minutes}
+        return {"episode": name, "kind": shape.kind, "model": model, **finite, "minutes": minutes}
 
-    static, follow = baseline_scores(episode, contact_flags(episode, hands)).values()
+    static, follow = baseline_scores(episode, observed.contact).values()
     rows = [row("static", static, 0.0), row("rigid-follow", follow, 0.0)]
 
     began = time.perf_counter()
-    problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
+    problem = prepare(observed, shape.positions, shape.surface, spacing=shape.spacing)
     coarse = fit_coarse([problem], shape, options, seed=SEED, progress=lambda share, loss: None)
 
     def errors(model: Any) -> Scores:

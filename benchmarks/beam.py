@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.accuracy import DATA
-from egophys_core.diagnosis.diagnose import diagnose_observed
-from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
-from egophys_core.diagnosis.evidence.residuals import Observation, track_offsets
+from egophys_core.diagnosis.diagnose import diagnose
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, track_offsets
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.identification.marker_fit import build_marker_twin
-from egophys_core.kinds.template import parse_template
+from egophys_core.identification import FitOptions, build
 from egophys_core.recording import read_episode
 from egophys_core.twin import ObjectModel
 
@@ -30,18 +29,12 @@ def run() -> dict[str, Any]:
     began = time.perf_counter()
     episodes = {name: read_episode(DATA / "measured/beam" / name) for name in LOADS}
     fitted = [episode for name, episode in episodes.items() if name != HELD_OUT]
-    twin = build_marker_twin(
-        fitted,
-        parse_template(TEMPLATE),
-        density=DENSITY,
-        loads={name: load for name, load in LOADS.items() if name != HELD_OUT},
+    twin = build(
+        fitted, FitOptions(template=TEMPLATE, density=DENSITY), loads={each.name: LOADS[each.name] for each in fitted}
     )
     built = time.perf_counter()
     observed = {name: observe_markers(twin, episode, load=LOADS[name]) for name, episode in episodes.items()}
-    train = [each for name, each in observed.items() if name != HELD_OUT]
-    finding = diagnose_observed(
-        twin, train, OPTIONS, report_on=[observed[HELD_OUT]], without=effects_untold(twin.model.kind, train)
-    )
+    finding = diagnose(twin, fitted, OPTIONS, loads=LOADS, report_on=[episodes[HELD_OUT]])
     diagnosis = finding.diagnosis.as_dict()
     models = {
         "elastic": replace(twin.model, parameters=replace(twin.model.parameters, damping=0.0, drag=0.0)),
@@ -74,12 +67,12 @@ def run() -> dict[str, Any]:
     }
 
 
-def rmse(observation: Observation, model: ObjectModel) -> float:
+def rmse(observation: TrackedEpisode, model: ObjectModel) -> float:
     """Metres: root mean square distance of the markers over a free rollout of the whole record."""
     return _root_mean_square(track_offsets(observation, [model])[0][0])
 
 
-def swing_rmse(observation: Observation, model: ObjectModel) -> float:
+def swing_rmse(observation: TrackedEpisode, model: ObjectModel) -> float:
     """As `rmse`, without each marker's mean offset, which is of how the record was mounted as well."""
     offsets = track_offsets(observation, [model])[0][0]
     return _root_mean_square(offsets - np.nanmean(offsets, axis=0))

@@ -6,10 +6,10 @@ from typing import Any
 
 from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
-from egophys_core.diagnosis.diagnose import diagnose, fitted_and_proofs
+from egophys_core.diagnosis.diagnose import diagnose, fitted_and_validation
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.files import write_json
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.recording import read_episode
 
 DATA = Path(__file__).resolve().parents[2] / "shared/data"
@@ -29,9 +29,9 @@ def measure(folder: Path) -> dict[str, Any]:
     """The diagnosis of one case, as in `diagnosis.json`, and the commit it was made with."""
     episodes = [read_episode(folder / f"episode_{index}.mcap") for index in range(4)]
     told = TOLD[folder.parent.name]
-    fitted, _ = fitted_and_proofs(episodes[:told])
+    fitted, _ = fitted_and_validation(episodes[:told])
     started = time.monotonic()
-    twin = build_twin(fitted, FIT, seed=0)
+    twin = build(fitted, FIT, seed=0)
     building = time.monotonic() - started
     found = diagnose(twin, episodes[:told], DiagnosisOptions(), report_on=episodes[told:]).diagnosis
     return {**found.as_dict(), "build_seconds": building, "commit": commit()}

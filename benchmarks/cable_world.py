@@ -11,9 +11,9 @@ from egophys_core.episode import Episode
 from egophys_core.rehearsal.engine import load_mujoco
 from egophys_core.rehearsal.field_forces import hidden_tether
 from egophys_core.rehearsal.handled_body import gravity_with, lumped
+from egophys_core.rehearsal.injected_forces import FIELDS
+from egophys_core.rehearsal.injection import Effects, complete_effects
 from egophys_core.rehearsal.observation import in_tracking_frame, mistracked
-from egophys_core.rehearsal.planted_forces import FIELDS
-from egophys_core.rehearsal.planting import Effects, complete_effects
 from egophys_core.rehearsal.state import StepState
 
 LENGTH, RADIUS, MASS = 1.0, 0.004, 0.05
@@ -47,21 +47,21 @@ Hands = Callable[[float], np.ndarray]
 
 @dataclass(frozen=True, kw_only=True)
 class Hanging:
-    """How the hands move: each of their numbers swings about its start, and eases in within half a second."""
+    """How the hands move: each of their coordinates oscillates about its start, and eases in within half a second."""
 
     name: str
     start: np.ndarray
     """[2, 5] metres and rad."""
-    swings: dict[tuple[int, int], tuple[float, float]]
-    """By hand and number: size (m, rad) and frequency (Hz)."""
+    oscillations: dict[tuple[int, int], tuple[float, float]]
+    """By hand and coordinate: size (m, rad) and frequency (Hz)."""
 
     def __call__(self, time: float) -> np.ndarray:
         """[2, 5] places and turns of the hands after so many seconds."""
         eased = min(time / 0.5, 1.0)
         eased = eased * eased * (3.0 - 2.0 * eased)
         hands = self.start.copy()
-        for (hand, number), (size, frequency) in self.swings.items():
-            hands[hand, number] += size * eased * np.sin(2.0 * np.pi * frequency * time)
+        for (hand, coordinate), (size, frequency) in self.oscillations.items():
+            hands[hand, coordinate] += size * eased * np.sin(2.0 * np.pi * frequency * time)
         return hands
 
 
@@ -71,16 +71,16 @@ def _between(width: float) -> np.ndarray:
 
 
 MOTIONS = (
-    Hanging(name="up_and_down", start=_between(0.7), swings={(1, 2): (0.12, 0.8)}),
+    Hanging(name="up_and_down", start=_between(0.7), oscillations={(1, 2): (0.12, 0.8)}),
     Hanging(
         name="aside",
         start=_between(0.7),
-        swings={(0, 1): (0.08, 1.1), (1, 0): (-0.12, 0.6), (0, 3): (0.3, 0.6), (1, 4): (0.3, 0.6)},
+        oscillations={(0, 1): (0.08, 1.1), (1, 0): (-0.12, 0.6), (0, 3): (0.3, 0.6), (1, 4): (0.3, 0.6)},
     ),
     Hanging(
         name="all_ways",
         start=_between(0.6),
-        swings={
+        oscillations={
             (0, 0): (0.05, 1.3),
             (0, 2): (0.08, 0.5),
             (1, 1): (0.1, 1.3),
@@ -105,26 +105,26 @@ def record(
     Args:
         hanging: how the hands move.
         seconds: of the record.
-        effects: planted ones, as in `egophys_core.rehearsal.planting`; what is at rest there hangs here when the record
-            begins, or lies straight from (0, 0, 1) to (1, 0, 1) for a lump.
+        effects: injected ones, as in `egophys_core.rehearsal.injection`; what is at rest there hangs here when the
+            record begins, or lies straight from (0, 0, 1) to (1, 0, 1) for a lump.
         seed: of the markers' noise.
         natural_bend: 1/m, of the cable when nothing acts on it, aside.
     """
-    planted = complete_effects(effects)
+    injected = complete_effects(effects)
     mujoco = load_mujoco()
     model: Any = mujoco.MjModel.from_xml_string(_scene(_arc(natural_bend)))
     data: Any = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     first = model.body("cB_first").id
     pieces = slice(first, first + PIECES)
-    model.opt.gravity[:] = gravity_with(planted)
-    if "uneven_mass" in planted:
-        heavier = lumped(data.xipos[pieces].copy(), model.body_mass[pieces].copy(), planted["uneven_mass"])
+    model.opt.gravity[:] = gravity_with(injected)
+    if "uneven_mass" in injected:
+        heavier = lumped(data.xipos[pieces].copy(), model.body_mass[pieces].copy(), injected["uneven_mass"])
         model.body_inertia[pieces] *= (heavier / model.body_mass[pieces])[:, None]
         model.body_mass[pieces] = heavier
         mujoco.mj_setConst(model, data)
     masses = model.body_mass[pieces].copy()
-    terms = [make(planted[name]) for name, make in FIELDS.items() if name in planted]
+    terms = [make(injected[name]) for name, make in FIELDS.items() if name in injected]
     half_turn = 0.5 * natural_bend * LENGTH * (1.0 - 1.0 / PIECES)
     lying = np.array([[0.0, 0.0, 1.0, -half_turn, 0.0], [*data.site("cS_last").xpos, half_turn, 0.0]])
     before = data.xipos[pieces].copy()
@@ -151,9 +151,9 @@ def record(
         share = min(step * STEP / (0.4 * SETTLING), 1.0)
         eased = share * share * (3.0 - 2.0 * share)
         advance(step * STEP - SETTLING, lying + eased * (hanging(0.0) - lying), SETTLING_DRAG)
-    if "hidden_tether" in planted:
-        terms.append(hidden_tether(planted["hidden_tether"], before))
-    delay = planted.get("control_delay", {"delay": 0.0})["delay"]
+    if "hidden_tether" in injected:
+        terms.append(hidden_tether(injected["hidden_tether"], before))
+    delay = injected.get("control_delay", {"delay": 0.0})["delay"]
     places = []
     for frame in range(round((seconds + delay) / FRAME)):
         last = data.body("cB_last")
@@ -164,16 +164,16 @@ def record(
             advance(time, hanging(time), 0.0)
     free = np.linspace(1, PIECES - 1, FREE_MARKERS + 2)[1:-1].round().astype(int)
     seen = np.array(places)[:, [0, 1, *free, PIECES - 1, PIECES]]
-    return _episode(hanging.name, seen, planted, round(delay / FRAME), np.random.default_rng(seed))
+    return _episode(hanging.name, seen, injected, round(delay / FRAME), np.random.default_rng(seed))
 
 
-def _episode(name: str, seen: np.ndarray, planted: Effects, early: int, random: np.random.Generator) -> Episode:
+def _episode(name: str, seen: np.ndarray, injected: Effects, early: int, random: np.random.Generator) -> Episode:
     """Markers [T, M, 3] with noise, as they are tracked; the first and last two are held, and some frames early."""
     noisy = seen + random.normal(0.0, NOISE, seen.shape)
     frames = len(noisy) - early
     free, held = noisy[:frames, HELD:-HELD], np.concatenate([noisy[early:, :HELD], noisy[early:, -HELD:]], axis=1)
-    points = mistracked(free.reshape(-1, 3), planted).reshape(free.shape).astype(np.float32)
-    held = in_tracking_frame(held.reshape(-1, 3), planted).reshape(held.shape)
+    points = mistracked(free.reshape(-1, 3), injected).reshape(free.shape).astype(np.float32)
+    held = in_tracking_frame(held.reshape(-1, 3), injected).reshape(held.shape)
     return Episode(
         name=name,
         times=FRAME * np.arange(frames),

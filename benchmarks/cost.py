@@ -4,12 +4,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks.planted import FIT
+from benchmarks.injected import FIT
 from benchmarks.yardstick import Yardstick
 from egophys_core.diagnosis.diagnose import diagnose
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.effects import LIBRARY
-from egophys_core.identification import build_twin
+from egophys_core.identification import build
 from egophys_core.rehearsal.options import Motion, RehearsalOptions
 from egophys_core.rehearsal.world import rehearse
 from egophys_core.twin import ObjectModel
@@ -39,7 +39,7 @@ def _measure(points: int, episodes: int, candidates: int) -> dict[str, float]:
         rehearse(RehearsalOptions(points=points), motion, seed=index, object_seed=300)
         for index, motion in enumerate(MOTIONS[:episodes])
     ]
-    twin = build_twin(recorded, FIT, seed=0)
+    twin = build(recorded, FIT, seed=0)
     yardstick = _cpu_seconds(lambda: _advance_yardstick(twin.model))
     began = time.monotonic()
     cpu = _cpu_seconds(lambda: diagnose(twin, recorded, DiagnosisOptions(), without=tuple(LIBRARY)[candidates:]))

@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 from egophys_core.cli.perception_benchmark import MASK_TYPE, POSE_TYPE, TRUE_MASK_TOPIC, TRUE_POSE_TOPIC
 from egophys_core.perception.camera.board import Board
 from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC, LogWriter, encode_points, jazzy_types
+from egophys_core.recording.camera_messages import INFO_TYPE, pinhole_info, stamped_header
 from egophys_core.recording.pointcloud import POINTCLOUD2
 
 SIZE, FOCAL, RATE = 640, 577.0, 30.0
@@ -33,7 +34,6 @@ _TEXEL_M = 0.0005
 _SUN = np.array([0.35, -0.25, 1.0])
 _VISIBLE_M = 0.003
 _IMAGE, _INFO = "/ego/image_raw/compressed", "/ego/camera_info"
-_INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 
 Shape = Callable[[np.ndarray, float], np.ndarray]
 """Places [N, 3] in metres of material points [N, 2], each coordinate in -1 .. 1, after `share` (0..1) of the motion."""
@@ -104,7 +104,7 @@ def write_bag(folder: Path, drawings: Iterable[Drawing]) -> Path:
     with LogWriter(folder) as log:
         for topic, type_name in (
             (_IMAGE, MASK_TYPE),
-            (_INFO, _INFO_TYPE),
+            (_INFO, INFO_TYPE),
             (OBJECT_TOPIC, POINTCLOUD2),
             (CONTROLLER_TOPIC, POINTCLOUD2),
             (TRUE_POSE_TOPIC, POSE_TYPE),
@@ -291,28 +291,13 @@ def _messages(drawing: Drawing) -> Iterator[tuple[str, bytes]]:
         return types.types[type_name](**fields)
 
     def header(frame_id: str) -> Any:
-        seconds, nanoseconds = divmod(drawing.stamp_ns, 1_000_000_000)
-        stamp = made("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
-        return made("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+        return stamped_header(drawing.stamp_ns, frame_id)
 
     def image(coded: np.ndarray, kind: str) -> bytes:
         message = made(MASK_TYPE, header=header("ego_camera_optical"), format=kind, data=coded.ravel())
         return bytes(types.serialize_cdr(message, MASK_TYPE))
 
-    info = made(
-        _INFO_TYPE,
-        header=header("ego_camera_optical"),
-        height=SIZE,
-        width=SIZE,
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
-        k=MATRIX.ravel(),
-        r=np.eye(3).ravel(),
-        p=np.hstack([MATRIX, np.zeros((3, 1))]).ravel(),
-        binning_x=0,
-        binning_y=0,
-        roi=made("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
-    )
+    info = pinhole_info(header("ego_camera_optical"), MATRIX, (SIZE, SIZE))
     pose = drawing.world_from_camera
     turn = Rotation.from_matrix(pose[:3, :3]).as_quat()
     stamped = made(
@@ -326,7 +311,7 @@ def _messages(drawing: Drawing) -> Iterator[tuple[str, bytes]]:
     )
     jpeg = cv2.imencode(".jpg", drawing.image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
     yield _IMAGE, image(jpeg, "jpeg")
-    yield _INFO, bytes(types.serialize_cdr(info, _INFO_TYPE))
+    yield _INFO, bytes(types.serialize_cdr(info, INFO_TYPE))
     yield OBJECT_TOPIC, _cloud(drawing, drawing.points[drawing.visible], np.flatnonzero(drawing.visible))
     yield CONTROLLER_TOPIC, _cloud(drawing, drawing.hand, np.arange(len(drawing.hand)))
     yield TRUE_POSE_TOPIC, bytes(types.serialize_cdr(stamped, POSE_TYPE))

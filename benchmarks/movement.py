@@ -1,4 +1,4 @@
-"""By how much a planted effect moves the points: two rehearsals that differ in nothing else."""
+"""By how much an injected effect moves the points: two rehearsals that differ in nothing else."""
 
 from collections.abc import Mapping, Sequence
 
@@ -21,7 +21,7 @@ def movement(
     Args:
         options: the object, seen without noise, dropouts and occlusion.
         motions: each with the seed of its hands.
-        effects: numbers by effect and parameter.
+        effects: values by effect and parameter.
         object_seed: of the object.
     """
     apart = []

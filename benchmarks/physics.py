@@ -4,7 +4,7 @@ import time
 from typing import Any
 
 from benchmarks import accuracy, simulation
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.recording import read_episode
 
 EPISODE = "examples/towel_lift.mcap"
@@ -19,7 +19,7 @@ def _search() -> dict[str, Any]:
     """Elapsed minutes of the paper's 50 generations on a 7 s episode, on all cores."""
     episode, options = read_episode(EPISODE), FitOptions(dense_steps=0)
     began = time.perf_counter()
-    twin = build_twin([episode], options, seed=0)
+    twin = build([episode], options, seed=0)
     return {
         "cma_minutes": (time.perf_counter() - began) / 60,
         "cma_generations": options.generations,

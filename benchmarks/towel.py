@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.evaluation import baseline_scores
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.observation import contact_flags, find_hands
 from egophys_core.recording import read_episode
 
@@ -21,7 +21,7 @@ def run() -> dict[str, Any]:
     rows = []
     for seed in SEEDS:
         began = time.process_time()
-        scores = build_twin([episode], FitOptions(generations=GENERATIONS), seed=seed).provenance.scores
+        scores = build([episode], FitOptions(generations=GENERATIONS), seed=seed).provenance.scores
         rows.append({"seed": seed, **scores, "cpu_minutes": (time.process_time() - began) / 60})
     baselines = baseline_scores(episode, contact_flags(episode, find_hands(episode)))
     named = {

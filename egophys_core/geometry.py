@@ -4,6 +4,43 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 
+def farthest_points(points: np.ndarray, count: int) -> np.ndarray:
+    """Indices, increasing, of at most `count` of the points [N, 3], each the farthest from those chosen before it.
+
+    The first is the farthest from the mean; of equals the one of the lowest index, so nothing is random. Points that
+    are not finite are never chosen.
+    """
+    finite = np.flatnonzero(np.isfinite(points).all(axis=1))
+    if len(finite) <= count:
+        return finite
+    places = points[finite].astype(np.float64)
+    first = int(np.argmax(np.linalg.norm(places - places.mean(axis=0), axis=1)))
+    return np.sort(finite[farthest_first(places, count, first=first)[:count]])
+
+
+def farthest_first(places: np.ndarray, count: int, *, first: int) -> np.ndarray:
+    """Indices of `count` of the places [N, 3], the first given and each next one the farthest from all before it."""
+    chosen = [first]
+    distance = np.linalg.norm(places - places[first], axis=1)
+    while len(chosen) < count:
+        # Coincident places are at distance 0 as well as chosen ones, and are others.
+        distance[chosen] = -1.0
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def nearest_rotation(matrices: np.ndarray) -> np.ndarray:
+    """[..., 3, 3]: the rotation nearest to each matrix [..., 3, 3] in the sum of squared differences of their entries.
+
+    Kabsch, Acta Cryst. A32 (1976) 922: of the products of paired points it is how one set is turned to the other.
+    """
+    left, _, right = np.linalg.svd(matrices)
+    # A reflection may be nearer still.
+    left[..., 2] *= np.sign(np.linalg.det(left @ right))[..., None]
+    return np.asarray(left @ right)
+
+
 def least_rotation(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     """[3, 3] the least rotation that turns one direction [3] into another; none if either has no length."""
     lengths = np.linalg.norm(source) * np.linalg.norm(target)
@@ -15,6 +52,19 @@ def least_rotation(source: np.ndarray, target: np.ndarray) -> np.ndarray:
         # Directions that are opposite have no least rotation; about which axis does not matter.
         return np.eye(3) if cosine > 0.0 else 2.0 * np.outer(side := _aside(source), side) - np.eye(3)
     return np.asarray(Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix())
+
+
+def rigid_fit(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation [3, 3] and shift [3] that bring points [P, 3] nearest to others (Kabsch, Acta Cryst. A32 (1976) 922).
+
+    Of all rotations that bring them as near it is the least: none for one point, none about the line of two.
+    """
+    middle, aim = source.mean(axis=0), target.mean(axis=0)
+    if len(source) < 3:
+        turn = least_rotation(source[-1] - source[0], target[-1] - target[0])
+        return turn, aim - turn @ middle
+    turn = nearest_rotation((source - middle).T @ (target - aim)).T
+    return turn, aim - turn @ middle
 
 
 def _aside(direction: np.ndarray) -> np.ndarray:

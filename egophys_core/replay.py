@@ -12,7 +12,7 @@ import numpy as np
 from rosbags.serde import SerdeError
 
 from egophys_core.errors import EgophysError, RecordingError
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.options import from_mapping
 from egophys_core.planning import (
     PlanOptions,
@@ -43,7 +43,7 @@ Progress = Callable[[str, float, float], None]
 """Called with step, share of it done (0..1) and best value so far (metres)."""
 
 
-class Outcome(StrEnum):
+class ReplayOutcome(StrEnum):
     """What a replayed step showed."""
 
     SAME = "same"
@@ -56,7 +56,7 @@ class Comparison:
     """One step of the log done again."""
 
     step: str
-    outcome: Outcome
+    outcome: ReplayOutcome
     detail: str
 
 
@@ -135,9 +135,9 @@ def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
     described = log.last(f"{twin_node}/training/build")
     if described is None:
         return _not_recorded("build", f"the log has no {twin_node}/training/build: the twin was not built in it")
-    build = log.decode_json(described, ("job_id", "seed", "options", "parent_id", "episodes"))
+    asked = log.decode_json(described, ("job_id", "seed", "options", "parent_id", "episodes"))
     topics = f"{twin_node}/training/object_points", f"{twin_node}/training/controller_points"
-    frames = [int(episode["frames"]) for episode in build["episodes"]]
+    frames = [int(episode["frames"]) for episode in asked["episodes"]]
     # The newest build's points are the last ones. Latched topics reach a recorder in any order, so receive
     # times do not tell what belongs together; within a topic the order is that of the publisher.
     records = [log.records(topic)[-sum(frames) :] for topic in topics]
@@ -153,18 +153,20 @@ def _replay_build(log: _Log, twin_node: str, progress: Progress) -> Comparison:
             controller_topic=topics[1],
             ground_height=episode["ground_height"],
         )
-        for episode, (first, last) in zip(build["episodes"], pairwise(bounds), strict=True)
+        for episode, (first, last) in zip(asked["episodes"], pairwise(bounds), strict=True)
     ]
-    recorded = _result_of_build(log, twin_node, build)
+    recorded = _result_of_build(log, twin_node, asked)
     if recorded is None:
         return _not_recorded("build", f"{twin_node}/job and {twin_node}/model do not say how the last build ended")
 
     def work() -> tuple[bool, str]:
-        twin = build_twin(
+        twin = build(
             episodes,
-            from_mapping(FitOptions, build["options"]),
-            seed=build["seed"],
-            parent_id=build["parent_id"],
+            from_mapping(FitOptions, asked["options"]),
+            # Logs of earlier versions say nothing of loads, with which no node could build then.
+            loads=asked.get("loads", {}),
+            seed=asked["seed"],
+            parent_id=asked["parent_id"],
             progress=lambda stage, share, loss: progress("build", share, loss),
         )
         same = encode_twin(twin) == encode_twin(recorded)
@@ -229,11 +231,11 @@ def _compare(step: str, work: Callable[[], tuple[bool, str]]) -> Comparison:
         same, detail = work()
     except EgophysError as error:
         same, detail = False, f"the replay failed: {error}"
-    return Comparison(step=step, outcome=Outcome.SAME if same else Outcome.DIFFERENT, detail=detail)
+    return Comparison(step=step, outcome=ReplayOutcome.SAME if same else ReplayOutcome.DIFFERENT, detail=detail)
 
 
 def _not_recorded(step: str, detail: str) -> Comparison:
-    return Comparison(step=step, outcome=Outcome.NOT_RECORDED, detail=detail)
+    return Comparison(step=step, outcome=ReplayOutcome.NOT_RECORDED, detail=detail)
 
 
 def _difference_of_plans(recorded: WaypointPlan, replayed: WaypointPlan) -> tuple[bool, str]:

@@ -33,7 +33,7 @@ from egophys_core.evaluation.perception import PointPaths, score_points
 from egophys_core.identification import evaluate_twin
 from egophys_core.observation import contact_flags, find_hands
 from egophys_core.recording import Record, decode_episode, read_episode, xyz_of_message
-from egophys_core.replay import Outcome, replay_log
+from egophys_core.replay import ReplayOutcome, replay_log
 from egophys_core.reporting import draw_shapes
 from egophys_core.twin import load_twin
 
@@ -292,7 +292,7 @@ def report(parsed: argparse.Namespace, folder: Path, outcomes: Outcomes) -> int:
     for each in comparisons:
         console.print(f"replay {each.step}: {each.outcome} ({each.detail})")
     console.print(f"twin    {folder / 'object.twin'}\nlog     {folder / 'log'}\npicture {picture}", soft_wrap=True)
-    return 0 if all(each.outcome == Outcome.SAME for each in comparisons) else 1
+    return 0 if all(each.outcome == ReplayOutcome.SAME for each in comparisons) else 1
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """The house: rooms depend downhill, light rooms stay light, modules are small and say what they are."""
 
 import ast
+import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +15,19 @@ PACKAGE = Path(egophys_core.__file__).parent
 MODULES = sorted(PACKAGE.rglob("*.py"))
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py"))
 
-BASE = {"cores", "errors", "files", "geometry", "json_numbers", "options", "episode", "waypoint_plan"}
+BASE = {
+    "constants",
+    "cores",
+    "errors",
+    "files",
+    "geometry",
+    "interpolation",
+    "json_numbers",
+    "on_demand",
+    "options",
+    "episode",
+    "waypoint_plan",
+}
 """Plain modules that any room may use."""
 
 MAY_USE: dict[str, set[str]] = {
@@ -26,8 +40,8 @@ MAY_USE: dict[str, set[str]] = {
     "rehearsal": set(),
     "perception": {"recording"},
     "twin": {"effects"},
-    "simulation": {"lanes", "twin", "effects"},
-    "kinds": {"twin"},
+    "simulation": {"lanes", "kinds", "twin", "effects"},
+    "kinds": {"twin", "effects"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
     "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
     "diagnosis": {
@@ -43,7 +57,7 @@ MAY_USE: dict[str, set[str]] = {
     },
     "planning": {"twin", "simulation", "evaluation"},
     "episode_source": {"recording", "perception"},
-    "replay": {"recording", "twin", "identification", "observation", "planning"},
+    "replay": {"recording", "twin", "identification", "planning"},
     "cli": {
         "episode_source",
         "recording",
@@ -64,6 +78,9 @@ MAY_USE: dict[str, set[str]] = {
 """Which rooms a room may import from besides itself (DESIGN.md: data flow one way, never sideways)."""
 
 HEAVY = ("torch", "rclpy")
+
+SHARED = {"EpisodeError", "Observation", "Scene"}
+"""Names of classes that two rooms still share; none may be added."""
 
 
 def room_of(path: Path) -> str:
@@ -94,6 +111,14 @@ def modules_after_importing(name: str) -> set[str]:
     program = f"import sys, {name}; print(' '.join({{each.split('.')[0] for each in sys.modules}}))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     return set(done.stdout.split())
+
+
+def test_house_page_lists_the_rooms_in_the_order_of_imports():
+    page = (PACKAGE.parent / "docs/house.md").read_text()
+    listed = [name for name in re.findall(r"^\| `(\w+)` \|", page, re.MULTILINE) if name in ROOMS]
+    assert sorted(listed) == ROOMS
+    for index, room in enumerate(listed):
+        assert MAY_USE[room] & set(ROOMS) <= set(listed[:index]), room
 
 
 def test_every_room_is_in_the_plan():
@@ -129,9 +154,68 @@ def test_importing_a_room_loads_neither_torch_nor_ros(room):
     assert not modules_after_importing(name).intersection(HEAVY)
 
 
+MAY_NAME_KINDS = {
+    "perception/options.py": "what users choose of a video, by the same names; no twin is made of it there",
+    "rehearsal/options.py": "the bodies of a world that knows nothing of twins",
+    "cli/rehearse.py": "the same",
+}
+"""Modules outside of `kinds` that say a kind's name, and why."""
+
+
+def names_of_kinds_in(path: Path) -> list[str]:
+    """Where a module says the name of a kind, other than to say in which kinds an effect is common."""
+    names = {module.stem for module in (PACKAGE / "kinds").glob("*.py") if "KIND = Kind(" in module.read_text()}
+    tree = ast.parse(path.read_text())
+    free = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.keyword) and node.arg == "common_in"
+        for inner in ast.walk(node)
+    }
+    return [
+        f"line {node.lineno}: {node.value!r}"
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and node.value in names and id(node) not in free
+    ]
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_no_module_outside_of_kinds_names_one(path):
+    """All that differs by kind is asked of the kind: a new one is one file and one line."""
+    where = path.relative_to(PACKAGE).as_posix()
+    if path.parent.name != "kinds" and where not in MAY_NAME_KINDS:
+        assert not names_of_kinds_in(path)
+
+
 @pytest.mark.parametrize("room", ["recording", "twin", "robot", "evaluation", "waypoint_plan"])
 def test_light_rooms_do_not_load_warp(room):
     assert "warp" not in modules_after_importing(f"egophys_core.{room}")
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_public_name_of_a_room_is_there(room):
+    module = importlib.import_module(f"egophys_core.{room}")
+    assert all(hasattr(module, name) for name in getattr(module, "__all__", ()))
+    with pytest.raises(AttributeError, match="no_such_name"):
+        module.no_such_name  # noqa: B018
+
+
+@pytest.mark.parametrize("room", sorted(set(ROOMS) - {"cli", "diagnosis"}))
+def test_every_room_lists_public_names_that_exist(room):
+    module = importlib.import_module(f"egophys_core.{room}")
+    assert module.__all__
+    assert all(hasattr(module, name) for name in module.__all__)
+
+
+def test_no_two_classes_share_a_name():
+    sources = [*MODULES, *(PACKAGE.parent / "ros2_ws/src").rglob("*.py")]
+    places: dict[str, list[str]] = {}
+    for path in sources:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(f"{path.relative_to(PACKAGE.parent)}:{node.lineno}")
+    assert len(places) > 200
+    assert {name: each for name, each in places.items() if len(each) > 1 and name not in SHARED} == {}
 
 
 def test_errors_of_this_project_have_one_base():

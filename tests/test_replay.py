@@ -10,7 +10,7 @@ import pytest
 
 from egophys_core.cli.main import main
 from egophys_core.errors import RecordingError
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.options import to_mapping
 from egophys_core.planning import (
     PlanOptions,
@@ -21,7 +21,7 @@ from egophys_core.planning import (
     twin_costs,
 )
 from egophys_core.recording import read_episode, write_episode
-from egophys_core.replay import Outcome, replay_log
+from egophys_core.replay import ReplayOutcome, replay_log
 from tests.cli.loop_log import BYTES, FAILED, RUNNING, SEED, STRING, SUCCEEDED, Entry, Loop, cdr, job, model, write_log
 from tests.identification.synthetic import sheet_episode
 
@@ -35,7 +35,7 @@ def loop(tmp_path_factory) -> Loop:
     folder = tmp_path_factory.mktemp("recorded") / "towel"
     write_episode(sheet_episode(), folder)
     episode = read_episode(folder)
-    twin = build_twin([episode], FIT, seed=SEED)
+    twin = build([episode], FIT, seed=SEED)
     target = episode.points[-1]
     plan, _ = plan_to_target(
         lambda plans: twin_costs(twin, plans, target),
@@ -169,12 +169,12 @@ def test_recorder_that_stopped_within_the_training_points_has_no_build(loop, tmp
     entries = loop.entries()
     folder = write_log(tmp_path / "log", entries[:11])
     steps = {each.step: each for each in replay_log(folder)}
-    assert {each.outcome for each in steps.values()} == {Outcome.NOT_RECORDED}
+    assert {each.outcome for each in steps.values()} == {ReplayOutcome.NOT_RECORDED}
     lost = [entry for index, entry in enumerate(entries) if index != 5]
     steps = {each.step: each for each in replay_log(write_log(tmp_path / "lossy", lost))}
-    assert steps["build"].outcome == Outcome.NOT_RECORDED
+    assert steps["build"].outcome == ReplayOutcome.NOT_RECORDED
     assert f"the build had {loop.episode.frames} frames" in steps["build"].detail
-    assert steps["plan"].outcome == Outcome.SAME
+    assert steps["plan"].outcome == ReplayOutcome.SAME
 
 
 def made_with(twin, **provenance):
@@ -218,7 +218,7 @@ def test_replay_that_fails_is_a_difference_with_the_reason(loop, tmp_path):
     far = loop.episode.controllers + np.float32([0, 0, 2])
     entries = dataclasses.replace(loop, episode=dataclasses.replace(loop.episode, controllers=far)).entries()
     build = replay_log(write_log(tmp_path / "log", entries))[0]
-    assert build.outcome == Outcome.DIFFERENT
+    assert build.outcome == ReplayOutcome.DIFFERENT
     assert "the replay failed" in build.detail
     assert "no hand moves the object" in build.detail
 

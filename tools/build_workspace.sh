@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Usage: tools/build_workspace.sh STAMP
-# Builds ros2_ws with colcon, in the environment of tools/ros_env.sh. STAMP is written last.
+# Builds ros2_ws with colcon, in the environment of tools/ros_env.sh; colcon.meta has the options of each package.
+# STAMP is written last.
 set -eo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 stamp=$PWD/$1
@@ -10,5 +11,5 @@ command -v colcon >/dev/null || { echo "error: no colcon; apt install python3-co
 echo "Building ros2_ws"
 cd ros2_ws
 rm -f "$stamp"
-colcon --log-level error build --event-handlers console_cohesion- console_direct- --cmake-args -DBUILD_TESTING=OFF
+colcon --log-level error build --event-handlers console_cohesion- console_direct-
 touch "$stamp"

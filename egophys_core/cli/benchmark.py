@@ -7,20 +7,8 @@ from typing import Any
 from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.cli.perception_benchmark import (
-    KEYS,
-    TRUE_MASK_TOPIC,
-    TRUE_POSE_TOPIC,
-    measure,
-    read_measured,
-    video_name,
-)
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.options import PerceptionOptions
-from egophys_core.recording import OBJECT_TOPIC
-
-NAME = "benchmark"
-HELP = "Errors of perception on bags that hold a video and what was measured meanwhile."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +19,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="BAG",
-        help=f"with a video and {OBJECT_TOPIC}; also compared if there: {TRUE_POSE_TOPIC}, {TRUE_MASK_TOPIC}",
+        help="with a video and /object/points; also compared if there: /truth/camera_pose, "
+        "/truth/object_mask/compressed",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     add_board_arguments(parser, prefix="board-", placed=True)
@@ -44,6 +33,8 @@ def run(parsed: argparse.Namespace) -> int:
     Returns:
         1 if perception refused a bag, whose row then says why; else 0.
     """
+    from egophys_core.cli.perception_benchmark import KEYS, measure, read_measured, video_name
+
     options, board = options_from(parsed, PerceptionOptions), board_from(parsed)
     # All are read first: one that cannot be compared is found before minutes of work on the others.
     measured = {bag: read_measured(bag) for bag in parsed.bags}

@@ -7,9 +7,6 @@ from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import print_json
 from egophys_core.files import require_writable, write_atomically
 
-NAME = "board"
-HELP = "Write the printable tag board that tells the camera where it is."
-
 PAPERS = ("A2", "A3", "A4", "letter", "tabloid")
 
 

@@ -3,25 +3,13 @@
 import argparse
 import dataclasses
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 
 from egophys_core.cli.display import print_json, print_scores, progress_bar
-from egophys_core.cli.marker_arguments import add_marker_arguments, loads_from
+from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.episode import Episode
-from egophys_core.errors import OptionsError
-from egophys_core.evaluation import Scores, baseline_scores
 from egophys_core.files import require_writable
-from egophys_core.identification import FitOptions, build_twin
-from egophys_core.identification.marker_fit import build_marker_twin
-from egophys_core.kinds.template import parse_template
-from egophys_core.observation import contact_flags, find_hands
-from egophys_core.observation.markers import MOST_MARKERS, is_sparse
-from egophys_core.twin import save_twin
-
-NAME = "build"
-HELP = "Fit a twin to recorded episodes of one object and write it to a file."
+from egophys_core.identification.options import FitOptions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -43,14 +31,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keep the search in this file after every generation; if it is there, go on from it to the same twin",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    add_marker_arguments(parser)
+    add_load_argument(parser)
     add_option_arguments(parser, FitOptions)
 
 
 def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
-    # OpenCV takes an eighth of a second to load; the other subcommands do without.
     from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, Source, is_video, load_episodes
+    from egophys_core.evaluation import Scores, baseline_scores
+    from egophys_core.identification import build
+    from egophys_core.observation import observe_episodes
+    from egophys_core.twin import save_twin
 
     options = options_from(parsed, FitOptions)
     require_writable(parsed.out)
@@ -68,17 +59,8 @@ def run(parsed: argparse.Namespace) -> int:
             def show(stage: str, share: float, loss: float) -> None:
                 report(stage, perceiving + (1 - perceiving) * share, f"loss {1000 * loss:.1f} mm")
 
-            sparse = _of_markers(parsed, episodes)
-            if sparse:
-                twin = build_marker_twin(
-                    episodes,
-                    parse_template(parsed.template) if parsed.template else None,
-                    density=parsed.density,
-                    loads=loads_from(parsed.load, [each.name for each in episodes]),
-                    progress=show,
-                )
-            else:
-                twin = build_twin(episodes, options, seed=parsed.seed, progress=show, checkpoint=parsed.checkpoint)
+            observed = observe_episodes(episodes, loads_from(parsed.load, [each.name for each in episodes]))
+            twin = build(observed, options, seed=parsed.seed, progress=show, checkpoint=parsed.checkpoint)
     except KeyboardInterrupt:
         if parsed.checkpoint is None or not parsed.checkpoint.exists():
             raise
@@ -87,8 +69,8 @@ def run(parsed: argparse.Namespace) -> int:
     save_twin(twin, parsed.out)
     reports = {each.episode.name: each.report for each in loaded if each.report is not None}
     scores = {"twin": Scores(**twin.provenance.scores)}
-    if not sparse:
-        scores |= baseline_scores(episodes[0], contact_flags(episodes[0], find_hands(episodes[0])))
+    if not observed[0].is_sparse:
+        scores |= baseline_scores(observed[0].episode, observed[0].contact)
     if parsed.json:
         named = {name: each.as_dict() for name, each in scores.items()}
         perception = {name: dataclasses.asdict(each) for name, each in reports.items()}
@@ -101,18 +83,3 @@ def run(parsed: argparse.Namespace) -> int:
             print(f"assumed: {note}")
         print(f"twin {twin.twin_id} written to {parsed.out}")
     return 0
-
-
-def _of_markers(parsed: argparse.Namespace, episodes: Sequence[Episode]) -> bool:
-    """Whether the episodes show an object at a few markers.
-
-    Raises:
-        OptionsError: they do not, and a template or a load is given.
-    """
-    if all(is_sparse(each) for each in episodes):
-        return True
-    if parsed.template is not None or parsed.load:
-        raise OptionsError(
-            f"--template and --load are for recordings of at most {MOST_MARKERS} points; leave them out, or track fewer"
-        )
-    return False

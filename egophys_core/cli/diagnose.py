@@ -1,30 +1,18 @@
 """`egophys diagnose TWIN EPISODE... --out DIR`."""
 
 import argparse
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
 from egophys_core.cli.display import print_json, print_table, progress_bar
-from egophys_core.cli.marker_arguments import add_load_argument, loads_from, refuse_loads
+from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.diagnosis.diagnose import Finding, diagnose, diagnose_observed
-from egophys_core.diagnosis.diagnosis import Diagnosis, Outcome
-from egophys_core.diagnosis.evidence.marker_observations import effects_untold, observe_markers
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.diagnosis.problem import Progress
-from egophys_core.diagnosis.saving import EFFECT_TEXTS, require_new_folder, save_finding
-from egophys_core.effects import effect_named
-from egophys_core.episode import Episode
-from egophys_core.observation.markers import is_sparse
-from egophys_core.recording import read_episode
-from egophys_core.reporting import figures, headline, millimetres
-from egophys_core.twin import Twin, load_twin
 
-NAME = "diagnose"
-HELP = "Say what a twin lacks to predict recorded episodes, with the evidence, and write a better twin."
+if TYPE_CHECKING:
+    from egophys_core.diagnosis.diagnosis import Diagnosis
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -56,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--without", nargs="+", default=[], metavar="EFFECT", help="effects of the library to leave out, by name"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of shams and resamples (default 0)")
+    parser.add_argument("--seed", type=int, default=0, help="of surrogates and resamples (default 0)")
     parser.add_argument("--json", action="store_true", help="print the content of diagnosis.json instead of a summary")
     add_load_argument(parser)
     add_option_arguments(parser, DiagnosisOptions)
@@ -64,6 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Diagnose, save and print."""
+    from egophys_core.diagnosis.diagnose import diagnose
+    from egophys_core.diagnosis.diagnosis import Outcome
+    from egophys_core.diagnosis.saving import require_new_folder, save_finding
+    from egophys_core.effects import effect_named
+    from egophys_core.recording import read_episode
+    from egophys_core.twin import load_twin
+
     options = options_from(parsed, DiagnosisOptions)
     for name in parsed.without:
         effect_named(name)
@@ -71,14 +66,16 @@ def run(parsed: argparse.Namespace) -> int:
     twin = load_twin(parsed.twin)
     episodes, others = ([read_episode(path) for path in paths] for paths in (parsed.episodes, parsed.report_on))
     with progress_bar() as report:
-        if all(is_sparse(each) for each in (*episodes, *others)):
-            loads = loads_from(parsed.load, [each.name for each in (*episodes, *others)])
-            finding = _diagnose_markers(parsed, twin, episodes, others, loads, options, report)
-        else:
-            refuse_loads(parsed.load)
-            finding = diagnose(
-                twin, episodes, options, report_on=others, without=parsed.without, seed=parsed.seed, progress=report
-            )
+        finding = diagnose(
+            twin,
+            episodes,
+            options,
+            loads=loads_from(parsed.load, [each.name for each in (*episodes, *others)]),
+            report_on=others,
+            without=parsed.without,
+            seed=parsed.seed,
+            progress=report,
+        )
     files = save_finding(finding, parsed.out)
     diagnosis = finding.diagnosis
     if parsed.json:
@@ -89,35 +86,14 @@ def run(parsed: argparse.Namespace) -> int:
     return 0 if diagnosis.outcome == Outcome.NONE else 1
 
 
-def _diagnose_markers(
-    parsed: argparse.Namespace,
-    twin: Twin,
-    episodes: Sequence[Episode],
-    others: Sequence[Episode],
-    loads: Mapping[str, float],
-    options: DiagnosisOptions,
-    progress: Progress,
-) -> Finding:
-    """The diagnosis of an object that is seen at a few markers."""
-    fitted, reported = (
-        [observe_markers(twin, each, load=loads.get(each.name, 0.0)) for each in group] for group in (episodes, others)
-    )
-    untold = effects_untold(twin.model.kind, fitted)
-    return diagnose_observed(
-        twin,
-        fitted,
-        options,
-        report_on=reported,
-        without=(*parsed.without, *untold),
-        seed=parsed.seed,
-        progress=progress,
-    )
+def _print_summary(diagnosis: "Diagnosis") -> None:
+    from egophys_core.diagnosis.saving import EFFECT_TEXTS
+    from egophys_core.reporting import headline
 
-
-def _print_summary(diagnosis: Diagnosis) -> None:
     content = diagnosis.as_dict()
     print(f"{diagnosis.outcome}: {headline(content, EFFECT_TEXTS)}")
     print(f"why: {diagnosis.reason}")
+    _print_decision(content["decisions"][-1])
     if diagnosis.experiment:
         print(f"next: {diagnosis.experiment}")
     for effect in content["effects"]:
@@ -135,12 +111,25 @@ def _print_summary(diagnosis: Diagnosis) -> None:
     )
 
 
+def _print_decision(decision: dict[str, Any]) -> None:
+    """Which criterion made the outcome of the last search, and, where it named nothing, what came nearest."""
+    from egophys_core.reporting import decision_in_words, miss_in_words
+
+    print(f"decided: {decision_in_words(decision)}")
+    for each in decision["nearest_misses"]:
+        print(f"  nearest miss: {miss_in_words(each)}")
+
+
 def _parameter(name: str, estimate: dict[str, Any]) -> tuple[str, ...]:
+    from egophys_core.reporting import figures
+
     low, high = estimate["ci95"]
     return name, figures(estimate["value"]), f"{figures(low)} .. {figures(high)}", estimate["unit"]
 
 
 def _error(error: dict[str, Any]) -> tuple[str, ...]:
+    from egophys_core.reporting import millimetres
+
     names = ("track_before_m", "track_after_m", "last_residual_track_m", "chamfer_before_m", "chamfer_after_m")
     fitted = "fitted" if error["fitted"] else "new"
     return f"{escape(error['episode'])} ({fitted})", *(millimetres(error[name]) for name in names)

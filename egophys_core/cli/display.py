@@ -3,14 +3,16 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from egophys_core.evaluation import Scores
 from egophys_core.json_numbers import nulled
+
+if TYPE_CHECKING:
+    from egophys_core.evaluation import Scores
 
 
 class Report(Protocol):
@@ -49,7 +51,7 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
     Console().print(table)
 
 
-def print_scores(title: str, scores: Mapping[str, Scores]) -> None:
+def print_scores(title: str, scores: "Mapping[str, Scores]") -> None:
     """Errors of several predictions in millimetres; train errors of a baseline that copies the data are blank."""
     header = ("prediction", "train CD", "test CD", "train TE", "test TE")
     rows = [

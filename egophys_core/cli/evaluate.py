@@ -2,17 +2,13 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from egophys_core.cli.display import print_json, print_scores, print_table
 from egophys_core.cli.marker_arguments import add_load_argument, load_of
-from egophys_core.evaluation import Scores, baseline_scores, score
-from egophys_core.identification import predict
-from egophys_core.observation import observed_contacts, place_twin
-from egophys_core.recording import read_episode
-from egophys_core.twin import load_twin
 
-NAME = "evaluate"
-HELP = "Errors of a twin on an episode of its object: train, test and all frames."
+if TYPE_CHECKING:
+    from egophys_core.evaluation import Scores
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,10 +21,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Evaluate and print."""
+    from egophys_core.evaluation import baseline_scores, score
+    from egophys_core.identification import predict
+    from egophys_core.observation import observe_episode, place_twin
+    from egophys_core.recording import read_episode
+    from egophys_core.twin import load_twin
+
     twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
-    problem = place_twin(twin, episode, load=load_of(parsed.load, episode))
+    observed = observe_episode(episode, load=load_of(parsed.load, episode.name))
+    problem = place_twin(twin, observed)
     scores = score(predict(twin.model, problem), twin.model.graph.surface, problem.episode)
-    baselines = baseline_scores(problem.episode, observed_contacts(problem))
+    baselines = baseline_scores(observed.episode, observed.contact)
     if parsed.json:
         print_json(
             {
@@ -49,7 +52,7 @@ def run(parsed: argparse.Namespace) -> int:
     return 0
 
 
-def _both_ways(scores: Scores) -> list[str]:
+def _both_ways(scores: "Scores") -> list[str]:
     """Cells of a row; a dash where there is no number."""
     distances = (1000 * scores.train_two_way_chamfer_m, 1000 * scores.test_two_way_chamfer_m)
     shown = [f"{value:.1f}" for value in distances] + [f"{value:.3f}" for value in (scores.train_iou, scores.test_iou)]

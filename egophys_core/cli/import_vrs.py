@@ -5,10 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from egophys_core.cli.display import print_json, progress_bar
-from egophys_core.recording.vrs import CAMERA_LABEL, import_vrs
 
-NAME = "import-vrs"
-HELP = "Write a recording of Project Aria glasses as a bag of undistorted, upright images."
+CAMERA_LABEL = "camera-rgb"
+"""That of `import_vrs`, which is not loaded for `--help`."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,6 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Import."""
+    from egophys_core.recording.vrs import import_vrs
+
     with progress_bar() as report:
         video = import_vrs(
             parsed.vrs,

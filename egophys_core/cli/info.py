@@ -5,11 +5,6 @@ from pathlib import Path
 from zipfile import is_zipfile
 
 from egophys_core.cli.display import print_json, print_table
-from egophys_core.recording import list_topics
-from egophys_core.twin import load_twin
-
-NAME = "info"
-HELP = "What is in a twin file or a bag."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,6 +23,8 @@ def run(parsed: argparse.Namespace) -> int:
 
 
 def _show_twin(path: Path, as_json: bool) -> None:
+    from egophys_core.twin import load_twin
+
     twin = load_twin(path)
     graph = twin.model.graph
     content = {
@@ -50,6 +47,8 @@ def _show_twin(path: Path, as_json: bool) -> None:
 
 
 def _show_bag(path: Path, as_json: bool) -> None:
+    from egophys_core.recording import list_topics
+
     topics = list_topics(path)
     if as_json:
         print_json(

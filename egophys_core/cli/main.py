@@ -1,42 +1,35 @@
-"""The `egophys` command: parse, run a subcommand, turn errors into one line and an exit code."""
+"""The `egophys` command: parse, run a subcommand, turn errors into one line and an exit code.
+
+Only the subcommand that is asked for is imported, and it imports what it needs when it runs: `egophys --help` answers
+at once.
+"""
 
 import argparse
+import difflib
+import importlib
 import sys
 import warnings
 from collections.abc import Sequence
 
 from egophys_core import __version__
-from egophys_core.cli import (
-    benchmark,
-    board,
-    build,
-    diagnose,
-    evaluate,
-    import_vrs,
-    info,
-    perceive,
-    plan,
-    rehearse,
-    replay,
-    simulate,
-)
 from egophys_core.errors import EgophysError
 
-SUBCOMMANDS = (
-    board,
-    import_vrs,
-    perceive,
-    build,
-    evaluate,
-    simulate,
-    plan,
-    replay,
-    diagnose,
-    rehearse,
-    info,
-    benchmark,
-)
-"""Modules with `NAME`, `HELP`, `add_arguments(parser)` and `run(arguments) -> exit code`."""
+SUBCOMMANDS = {
+    "board": "Write the printable tag board that tells the camera where it is.",
+    "import-vrs": "Write a recording of Project Aria glasses as a bag of undistorted, upright images.",
+    "perceive": "Reconstruct object and hand of an egocentric video: an episode, pictures to check, and a report.",
+    "build": "Fit a twin to recorded episodes of one object and write it to a file.",
+    "evaluate": "Errors of a twin on an episode of its object: train, test and all frames.",
+    "simulate": "Move a twin with an episode's controllers and write the predicted points as a bag.",
+    "plan": "Plan tool waypoints that bring the object to a target shape; writes them as JSON.",
+    "replay": "Feed a log's inputs to the same code and compare the outputs; exit code 1 if one differs.",
+    "diagnose": "Say what a twin lacks to predict recorded episodes, with the evidence, and write a better twin.",
+    "rehearse": "Record episodes of a soft object in a physics engine that is not the twin's, with injected effects.",
+    "info": "What is in a twin file or a bag.",
+    "benchmark": "Errors of perception on bags that hold a video and what was measured meanwhile.",
+}
+"""What each does, by name. `egophys_core/cli/NAME.py` has `add_arguments(parser)` and `run(arguments) -> exit code`;
+what is slow to load is imported in `run`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -45,7 +38,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns:
         0 good, 1 a finding (a replay that differs), 2 bad input, 130 stopped by Ctrl-C.
     """
-    parsed = make_parser().parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    # No option stands before the subcommand but --help and --version, which have no values.
+    command = next((word for word in words if not word.startswith("-")), "")
+    parsed = make_parser(command).parse_args(words)
     warnings.showwarning = _show_warning
     try:
         return int(parsed.run(parsed))
@@ -57,18 +53,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 130
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """The parser of `egophys` with all subcommands."""
+def make_parser(command: str) -> argparse.ArgumentParser:
+    """The parser of `egophys`, which knows all subcommands by name and the arguments of one.
+
+    Args:
+        command: the subcommand that is to be parsed; empty for none.
+    """
     parser = argparse.ArgumentParser(
         prog="egophys",
         description="Physical twins of soft objects: perceive, build, evaluate, simulate, plan, replay, diagnose.",
+        epilog="`egophys COMMAND --help` shows the arguments of a subcommand.",
     )
     parser.add_argument("--version", action="version", version=f"egophys {__version__}")
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in SUBCOMMANDS:
-        subparser = subparsers.add_parser(module.NAME, help=module.HELP, description=module.HELP)
-        module.add_arguments(subparser)
-        subparser.set_defaults(run=module.run)
+    if command and command not in SUBCOMMANDS:
+        near = difflib.get_close_matches(command, SUBCOMMANDS, n=1)
+        hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(SUBCOMMANDS)}"
+        parser.error(f"no subcommand is called {command!r}; {hint}")
+    for name, description in SUBCOMMANDS.items():
+        subparser = subparsers.add_parser(name, help=description, description=description)
+        if name == command:
+            module = importlib.import_module(f"egophys_core.cli.{name.replace('-', '_')}")
+            module.add_arguments(subparser)
+            subparser.set_defaults(run=module.run)
     return parser
 
 

@@ -1,36 +1,21 @@
-"""Command-line arguments for objects that are seen at a few markers."""
+"""Command-line arguments for what hangs at objects that are seen at a few markers."""
 
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from egophys_core.episode import Episode
 from egophys_core.errors import OptionsError
-from egophys_core.identification.marker_fit import DENSITY
-from egophys_core.observation.markers import MOST_MARKERS, is_sparse
 
 
-def add_marker_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments for objects that are seen at a few markers."""
-    group = parser.add_argument_group(f"markers, for recordings of at most {MOST_MARKERS} points")
-    group.add_argument(
-        "--template",
-        metavar="SHAPE",
-        help="box:LxWxH or an .obj or .stl file, in metres; by default a rod along markers that lie one after the "
-        "other, else a bar from the held points to the markers",
-    )
-    group.add_argument("--density", type=float, default=DENSITY, help="kg/m^3 (default %(default)g)")
-    add_load_argument(group)
-
-
-def add_load_argument(group: argparse._ArgumentGroup | argparse.ArgumentParser) -> None:
+def add_load_argument(parser: argparse.ArgumentParser) -> None:
     """What hangs at the free end."""
-    group.add_argument(
+    parser.add_argument(
         "--load",
         action="append",
         default=[],
         metavar="EPISODE=N",
-        help="weight in newtons of what hangs at the free end in an episode, by its file's name; may be repeated",
+        help="of an object that is seen at a few markers: weight in newtons of what hangs at the free end in an "
+        "episode, by its file's name; may be repeated",
     )
 
 
@@ -53,22 +38,10 @@ def loads_from(given: Sequence[str], names: Sequence[str]) -> dict[str, float]:
     return loads
 
 
-def load_of(given: Sequence[str], episode: Episode) -> float:
+def load_of(given: Sequence[str], name: str) -> float:
     """Newtons that hang in one episode, 0 unless said.
 
     Raises:
-        OptionsError: of a wrong form, or for an object that is seen all over.
+        OptionsError: of a wrong form, or for another episode.
     """
-    if not is_sparse(episode):
-        refuse_loads(given)
-    return loads_from(given, [episode.name]).get(episode.name, 0.0)
-
-
-def refuse_loads(given: Sequence[str]) -> None:
-    """Check that no weight is given for an object that is seen all over.
-
-    Raises:
-        OptionsError: one is.
-    """
-    if given:
-        raise OptionsError(f"--load is for recordings of at most {MOST_MARKERS} points; leave it out")
+    return loads_from(given, [name]).get(name, 0.0)

@@ -12,8 +12,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import Report, print_json, print_table, progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
@@ -22,15 +20,11 @@ from egophys_core.files import write_atomically, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.options import to_mapping
 from egophys_core.perception.options import PerceptionOptions
-from egophys_core.recording import SENSOR_QOS, LogWriter, list_topics, read_records, write_episode
 
 if TYPE_CHECKING:
     from egophys_core.perception.camera.board import Board
     from egophys_core.perception.observation import Observation
     from egophys_core.perception.perceive import Perceived
-
-NAME = "perceive"
-HELP = "Reconstruct object and hand of an egocentric video: an episode, pictures to check it by, and a report."
 
 IMAGE_TOPIC, INFO_TOPIC = "/ego/image_raw/compressed", "/ego/camera_info"
 OVERLAY_TOPIC = "/perception/overlay/compressed"
@@ -90,13 +84,15 @@ def _perceive(
     bag: Path, folder: Path, options: PerceptionOptions, board: "Board", topics: dict[str, str], report: Report
 ) -> "Perceived":
     """Perceive, and write the episode and the pictures into the folder."""
-    # OpenCV takes an eighth of a second to load; the other subcommands do without.
+    import numpy as np
+
     from egophys_core.perception.camera.image_encoding import COMPRESSED_IMAGE, jpeg_message, png_of
     from egophys_core.perception.contact_sheet import EvenSample, contact_sheet
     from egophys_core.perception.overlay import TAIL_VIEWS, draw_picture
     from egophys_core.perception.overlay_video import OverlayVideo
     from egophys_core.perception.overlay_window import Window, follow
     from egophys_core.perception.perceive import perceive
+    from egophys_core.recording import SENSOR_QOS, LogWriter, write_episode
 
     sample: EvenSample[np.ndarray] = EvenSample()
     tails: deque[np.ndarray] = deque(maxlen=TAIL_VIEWS)
@@ -131,6 +127,8 @@ def _perceive(
 
 def _merge(merged: Path, *logs: Path) -> None:
     """Write one bag with the messages of several, by time, and remove those."""
+    from egophys_core.recording import SENSOR_QOS, LogWriter, list_topics, read_records
+
     with LogWriter(merged) as log:
         for topic in (topic for each in logs for topic in list_topics(each)):
             log.add_topic(topic.name, topic.type, SENSOR_QOS)

@@ -3,20 +3,16 @@
 import argparse
 import json
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from egophys_core.cli.display import progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import PlanningError
 from egophys_core.files import require_writable, write_atomically
-from egophys_core.planning import PlanOptions, grasp_from_points, plan_to_target, twin_costs
-from egophys_core.recording import read_episode
-from egophys_core.twin import load_twin
-from egophys_core.waypoint_plan import plan_to_json
+from egophys_core.planning.options import PlanOptions
 
-NAME = "plan"
-HELP = "Plan tool waypoints that bring the object to a target shape; writes them as JSON."
+if TYPE_CHECKING:
+    import numpy as np
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Plan and write."""
+    from egophys_core.planning import grasp_from_points, plan_to_target, twin_costs
+    from egophys_core.twin import load_twin
+    from egophys_core.waypoint_plan import plan_to_json
+
     require_writable(parsed.out)
     options, twin = options_from(parsed, PlanOptions), load_twin(parsed.twin)
     target = _target(parsed.target, parsed.target_frame)
@@ -60,7 +60,11 @@ def run(parsed: argparse.Namespace) -> int:
     return 0
 
 
-def _target(path: Path, frame: int) -> np.ndarray:
+def _target(path: Path, frame: int) -> "np.ndarray":
+    import numpy as np
+
+    from egophys_core.recording import read_episode
+
     if path.suffix == ".npy":
         try:
             return np.load(path, allow_pickle=False)

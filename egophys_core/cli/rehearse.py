@@ -11,12 +11,7 @@ from typing import Any
 from egophys_core.cli.display import print_json, progress_bar
 from egophys_core.errors import OptionsError, OutputError
 from egophys_core.options import from_mapping, to_mapping
-from egophys_core.recording import write_episode
-from egophys_core.rehearsal import PLANTS, Motion, RehearsalObject, RehearsalOptions, complete_effects, planted_sizes
-from egophys_core.rehearsal import rehearse as rehearse_episode
-
-NAME = "rehearse"
-HELP = "Record episodes of a soft object in a physics engine that is not the twin's, with any effect planted."
+from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
 
 NUMBERS = ("duration_s", "rate_hz", "points", "noise_m", "dropout", "spread")
 
@@ -36,7 +31,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"an episode each, of {', '.join(Motion)}; default lift double_pull double_lift pull",
     )
     parser.add_argument(
-        "--effect", nargs="+", default=["none"], metavar="NAME", help=f"none (default), or of {', '.join(PLANTS)}"
+        "--effect",
+        nargs="+",
+        default=["none"],
+        metavar="NAME",
+        help="injected effects by name, as quadratic_drag; default none. A wrong name lists them all",
     )
     parser.add_argument("--size", choices=("small", "large"), default="large", help="of the effects; default large")
     parser.add_argument(
@@ -63,6 +62,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Rehearse and write."""
+    from egophys_core.recording import write_episode
+    from egophys_core.rehearsal import rehearse as rehearse_episode
+
     options = from_mapping(
         RehearsalOptions, {name: getattr(parsed, name) for name in ("object", "occlusion", *NUMBERS)}
     )
@@ -103,9 +105,11 @@ def run(parsed: argparse.Namespace) -> int:
 
 
 def _effects(parsed: argparse.Namespace) -> dict[str, dict[str, float]]:
-    """What to plant, with every parameter."""
+    """What to inject, with every parameter."""
+    from egophys_core.rehearsal import complete_effects, injected_sizes
+
     names = [] if parsed.effect == ["none"] else parsed.effect
-    effects = {name: planted_sizes(name)[parsed.size] for name in names}
+    effects = {name: injected_sizes(name)[parsed.size] for name in names}
     for assignment in parsed.parameter:
         place, _, value = assignment.partition("=")
         effect, _, parameter = place.rpartition(".")
@@ -135,14 +139,18 @@ def _truth(
     parsed: argparse.Namespace, options: RehearsalOptions, effects: dict[str, dict[str, float]]
 ) -> dict[str, Any]:
     """What is in the episodes, for whoever judges a diagnosis of them."""
+    from egophys_core.rehearsal import INJECTABLE
+
     return {
         "object": str(options.object),
         "object_seed": parsed.object_seed,
         "effects": [
             {
                 "name": name,
-                "equation": PLANTS[name].equation,
-                "parameters": {key: {"value": value, "unit": PLANTS[name].units[key]} for key, value in values.items()},
+                "equation": INJECTABLE[name].equation,
+                "parameters": {
+                    key: {"value": value, "unit": INJECTABLE[name].units[key]} for key, value in values.items()
+                },
             }
             for name, values in effects.items()
         ],

@@ -5,10 +5,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 from egophys_core.cli.display import print_json, print_table, progress_bar
-from egophys_core.replay import PLANNER_NODE, TWIN_NODE, Outcome, replay_log
 
-NAME = "replay"
-HELP = "Feed a log's inputs to the same code and compare the outputs; exit code 1 if one differs."
+TWIN_NODE, PLANNER_NODE = "/twin_node", "/mppi_planner_node"
+"""Those of `replay_log`, which is not loaded for `--help`."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,6 +20,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Replay and compare."""
+    from egophys_core.replay import ReplayOutcome, replay_log
+
     with progress_bar() as report:
         comparisons = replay_log(
             parsed.log,
@@ -36,4 +37,4 @@ def run(parsed: argparse.Namespace) -> int:
             ("step", "outcome", "detail"),
             [(each.step, str(each.outcome), each.detail) for each in comparisons],
         )
-    return 1 if any(each.outcome == Outcome.DIFFERENT for each in comparisons) else 0
+    return 1 if any(each.outcome == ReplayOutcome.DIFFERENT for each in comparisons) else 0

@@ -4,16 +4,7 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from egophys_core.cli.marker_arguments import add_load_argument, load_of
-from egophys_core.identification import predict
-from egophys_core.observation import place_twin
-from egophys_core.recording import read_episode, write_episode
-from egophys_core.twin import load_twin
-
-NAME = "simulate"
-HELP = "Move a twin with an episode's controllers and write the predicted points as a bag."
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,8 +17,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Simulate and write."""
+    import numpy as np
+
+    from egophys_core.identification import predict
+    from egophys_core.observation import place_twin
+    from egophys_core.recording import read_episode, write_episode
+    from egophys_core.twin import load_twin
+
     twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
-    problem = place_twin(twin, episode, load=load_of(parsed.load, episode))
+    problem = place_twin(twin, episode, load=load_of(parsed.load, episode.name))
     surface = predict(twin.model, problem)[:, twin.model.graph.surface]
     prediction = replace(
         problem.episode,

@@ -1,7 +1,7 @@
 """Diagnosis: from a twin and episodes of its object to what it lacks, and a better twin."""
 
 import time
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from typing import TypeVar
@@ -10,30 +10,33 @@ import numpy as np
 
 from egophys_core import __version__
 from egophys_core.diagnosis.diagnosis import Candidate, Diagnosis, Evidence, NamedEffect
-from egophys_core.diagnosis.direct.measure import Measured, measure
-from egophys_core.diagnosis.evidence.baseline_twin import base_fit, base_with, follows
+from egophys_core.diagnosis.direct.measure import MeasuredEffect, measure
+from egophys_core.diagnosis.evidence.baseline_twin import baseline_beside, fit_baseline, follows
 from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_error, free_errors
-from egophys_core.diagnosis.evidence.judging import Judged
-from egophys_core.diagnosis.evidence.residuals import Observation, observe, track_offsets
+from egophys_core.diagnosis.evidence.judging import RefittedEffect
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe, track_offsets
 from egophys_core.diagnosis.evidence.where import where
-from egophys_core.diagnosis.hypotheses.ranking import Ranked
+from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.diagnosis.problem import Inquiry, Progress
+from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.explain import explain
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
 from egophys_core.identification import episode_digest
+from egophys_core.kinds import kind_of
+from egophys_core.observation import AnyEpisode, ObservedEpisode, observe_episodes
 from egophys_core.options import to_mapping
-from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
+from egophys_core.twin import ObjectModel, Provenance, Twin
 
 Item = TypeVar("Item")
 
-BASE_REFITS = 2
+BASELINE_REFITS = 2
 """Times as many steps for the twin without any effect: what it still gains later on would be taken for an effect's."""
 
-PROOF = 3
+VALIDATION = 3
 """Of so many episodes one is not fitted: whether an effect shows there, too, says more than any fit."""
 
 LEAST_MOTION_S = 1.0
@@ -56,10 +59,11 @@ class Finding:
 
 def diagnose(
     twin: Twin,
-    episodes: Sequence[Episode],
+    episodes: Sequence[AnyEpisode],
     options: DiagnosisOptions,
     *,
-    report_on: Sequence[Episode] = (),
+    loads: Mapping[str, float] | None = None,
+    report_on: Sequence[AnyEpisode] = (),
     without: Collection[str] = (),
     seed: int = 0,
     progress: Progress = lambda stage, share: None,
@@ -68,56 +72,63 @@ def diagnose(
 
     Args:
         episodes: two motions or more, to tell the object from the motion. Of three or more the last third is not
-            fitted: what is named has to show there, too.
+            fitted: what is named has to show there, too. As recorded, or observed already (`observe_episodes`, which
+            then takes the loads).
+        loads: N that hang at the free end of an object that is seen at a few markers, by name of the episode.
         report_on: further episodes of the object, which have no part in what is found: errors are reported on them.
         without: effects of the library to leave out.
-        seed: of shams and resamples.
+        seed: of surrogates and resamples.
         progress: called with stage and share done.
 
     Raises:
-        EpisodeError: in an episode no hand moves the object.
+        EpisodeError: in an episode no hand moves the object, or it is another one.
+        OptionsError: a load for no episode, or on what is seen all over.
         DiscrepancyError: no episode, or one that is too short to say anything.
         TwinError: `without` names no effect.
     """
     if not episodes:
         raise DiscrepancyError("no episode given; a diagnosis compares a twin with at least one, better two motions")
-    _require_distinct([*episodes, *report_on])
     progress("observe", 0.0)
-    model = replace(twin.model, effects=())
-    return diagnose_observed(
+    looked_at = observe_episodes([*episodes, *report_on], loads)
+    _require_distinct([each.source for each in looked_at])
+    found = [_observed(twin, each) for each in looked_at]
+    fitted, others = found[: len(episodes)], found[len(episodes) :]
+    return _diagnose_observed(
         twin,
-        [_observed(model, episode) for episode in episodes],
+        fitted,
         options,
-        report_on=[_observed(model, episode) for episode in report_on],
-        without=without,
+        report_on=others,
+        without=(*without, *unidentifiable_effects(kind_of(twin.model), fitted)),
         seed=seed,
         progress=progress,
     )
 
 
-def diagnose_observed(
+def _diagnose_observed(
     twin: Twin,
-    observations: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
     options: DiagnosisOptions,
     *,
-    report_on: Sequence[Observation] = (),
-    without: Collection[str] = (),
-    seed: int = 0,
-    progress: Progress = lambda stage, share: None,
+    report_on: Sequence[TrackedEpisode],
+    without: Collection[str],
+    seed: int,
+    progress: Progress,
 ) -> Finding:
     """As `diagnose`, from episodes in which the twin has its place already."""
     started = time.monotonic()
-    observations, proofs = fitted_and_proofs(observations)
+    observations, validation = fitted_and_validation(observations)
     for name in without:
         effect_named(name)
     model = replace(twin.model, effects=())
     progress("refit the twin as it is", 0.05)
-    base = base_fit(observations, model, starts=options.base_starts, iterations=BASE_REFITS * options.refit_iterations)
+    baseline = fit_baseline(
+        observations, model, starts=options.baseline_starts, iterations=BASELINE_REFITS * options.refit_iterations
+    )
     progress("measure what shows directly", 0.15)
     measured = measure(
         observations,
-        proofs,
-        is_sheet=model.kind == ObjectKind.SHEET,
+        validation,
+        lies_flat=kind_of(model).lies_flat,
         without=without,
         resamples=options.bootstraps,
         seed=seed,
@@ -126,13 +137,15 @@ def diagnose_observed(
     known = {each.name: each.values for each in measured if each.shows}
     if known:
         progress("refit the twin beside what was measured", 0.15)
-        base, without_them = base_with(observations, base, known, iterations=options.refit_iterations)
-    followed = follows(base.fitted, proofs)
-    inquiry = Inquiry(observations=observations, proofs=list(compress(proofs, followed)), options=options, seed=seed)
-    found = explain(inquiry, base, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))
+        baseline, without_them = baseline_beside(observations, baseline, known, iterations=options.refit_iterations)
+    followed = follows(baseline.fitted, validation)
+    problem = DiagnosisProblem(
+        observations=observations, validation=list(compress(validation, followed)), options=options, seed=seed
+    )
+    found = explain(problem, baseline, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))
     first = found.searches[0]
     progress("roll out before and after", 0.9)
-    everywhere = [*observations, *proofs, *report_on]
+    everywhere = [*observations, *validation, *report_on]
     # Refitted for as many steps as with the effects, from where these led as well.
     before = (without_them or first.before).model
     errors = [free_errors(each, [before, found.fitted.model]) for each in everywhere]
@@ -145,6 +158,7 @@ def diagnose_observed(
             for each in found.named
         ),
         candidates=_candidates(first, measured),
+        decisions=found.decisions,
         experiment=found.experiment,
         where=where(observations, offsets, first.law.formula),
         error=tuple(
@@ -152,7 +166,8 @@ def diagnose_observed(
             for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
         ),
         seconds=time.monotonic() - started,
-        reason=found.reason + _lost(each.episode.name for each, kept in zip(proofs, followed, strict=True) if not kept),
+        reason=found.reason
+        + _lost(each.episode.name for each, kept in zip(validation, followed, strict=True) if not kept),
         twin_id=twin.twin_id,
         improved_twin_id=improved.twin_id,
     )
@@ -166,9 +181,9 @@ def diagnose_observed(
     )
 
 
-def fitted_and_proofs(episodes: Sequence[Item]) -> tuple[Sequence[Item], Sequence[Item]]:
+def fitted_and_validation(episodes: Sequence[Item]) -> tuple[Sequence[Item], Sequence[Item]]:
     """The episodes that a diagnosis fits, and the last ones, in which what it names has to show."""
-    fitted = len(episodes) - len(episodes) // PROOF
+    fitted = len(episodes) - len(episodes) // VALIDATION
     return episodes[:fitted], episodes[fitted:]
 
 
@@ -187,13 +202,15 @@ def _require_distinct(episodes: Sequence[Episode]) -> None:
                 )
 
 
-def _observed(model: ObjectModel, episode: Episode) -> Observation:
+def _observed(twin: Twin, observed: ObservedEpisode) -> TrackedEpisode:
     """The twin in an episode that lasts long enough.
 
     Raises:
         DiscrepancyError: too little handling.
     """
-    observation = observe(model, episode)
+    if observed.is_sparse:
+        return observe_markers(twin, observed)
+    episode, observation = observed.episode, observe(replace(twin.model, effects=()), observed)
     handled = float(episode.times[-1] - episode.times[observation.touched])
     if handled < LEAST_MOTION_S:
         raise DiscrepancyError(
@@ -214,34 +231,36 @@ def _lost(names: Iterable[str]) -> str:
     return f"; without any effect the twin does not follow {listed}, so nothing was tried there" if listed else ""
 
 
-def _candidates(first: Search, measured: Sequence[Measured]) -> tuple[Candidate, ...]:
+def _candidates(first: Search, measured: Sequence[MeasuredEffect]) -> tuple[Candidate, ...]:
     """All effects: those that were measured, and those that were refitted, with the figures of that."""
-    ranking, refitted = first.ranking, {each.name: each for each in first.judged}
+    ranking, refitted = first.ranking, {each.name: each for each in first.refitted}
     found = [
         Candidate(
             name=each.name,
             held_out_gain=each.held_out_gain,
             p_null=each.p_null,
             fitted_gain=each.fitted_gain,
-            proof_gain=each.proof_gain,
+            validation_gain=each.validation_gain,
             values=each.values,
+            criteria=each.criteria,
         )
         for each in measured
     ]
     for linear in ranking.ranked:
         name = linear.name
-        each: Ranked | Judged = refitted.get(name, linear)
-        gain = each.gain if isinstance(each, Judged) else each.held_out_gain
+        each: RankedEffect | RefittedEffect = refitted.get(name, linear)
+        gain = each.gain if isinstance(each, RefittedEffect) else each.held_out_gain
         found.append(
             Candidate(
                 name=name,
                 held_out_gain=gain,
                 p_null=ranking.p_null(gain),
                 fitted_gain=each.fitted_gain,
-                proof_gain=float(each.proof_gains.sum())
-                if isinstance(each, Judged) and len(each.proof_gains)
+                validation_gain=float(each.validation_gains.sum())
+                if isinstance(each, RefittedEffect) and len(each.validation_gains)
                 else None,
                 values=each.values,
+                criteria=first.criteria[name],
             )
         )
     return tuple(sorted(found, key=lambda each: -each.held_out_gain))
@@ -266,9 +285,9 @@ def _new_version(
 
 
 def _evidence(
-    observations: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
     errors: Sequence[Sequence[FreeErrors]],
-    first: Observation,
+    first: TrackedEpisode,
     offsets: np.ndarray,
 ) -> Evidence:
     """What the report draws."""

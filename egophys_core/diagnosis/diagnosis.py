@@ -1,15 +1,20 @@
 """Diagnosis: what a twin lacks, the evidence, and the error before and after; plain data, one JSON file."""
 
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from egophys_core.diagnosis.criterion import CriterionResult
 from egophys_core.files import write_atomically
 from egophys_core.json_numbers import nulled
+
+MOST_MISSES = 3
+"""Candidates that a decision lists as nearest misses."""
 
 
 class Outcome(StrEnum):
@@ -50,21 +55,54 @@ class Candidate:
 
     name: str
     held_out_gain: float
-    """Gain in log-likelihood on blocks and episodes that were not fitted, over the same refit without the effect;
+    """Log-likelihood gain on blocks and episodes that were not fitted, over the same refit without the effect;
     of what was measured directly, on grips or sheets at rest that were not fitted."""
     p_null: float
-    """Share of shams, regressors shifted in time, that gain as much: the largest over all candidates counts."""
+    """Share of surrogates, regressors shifted in time, that gain as much: the largest over all candidates counts."""
     fitted_gain: float
-    """Gain on what was fitted."""
-    proof_gain: float | None
+    """Log-likelihood gain on what was fitted."""
+    validation_gain: float | None
     """The effect's share of what is gained in the episodes that took no part in the fit; None without any, or if it was
     not refitted."""
     values: dict[str, float]
     """The fitted parameters, SI units."""
+    criteria: tuple[CriterionResult, ...]
+    """What it was held against, in that order: all criteria of the verdict if it was refitted, those of the measurement
+    if it was measured, else what kept it from a refit."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeError:
+class NearestMiss:
+    """A candidate that fails few criteria."""
+
+    candidate: str
+    failed: tuple[CriterionResult, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """Which rule made the outcome of a search, and by which criterion."""
+
+    rule: str
+    """Its name."""
+    sentence: str
+    """When it applies, and what it makes of that."""
+    candidate: str | None
+    """Whose criterion decided; None where it is of no candidate."""
+    criterion: CriterionResult
+    """What decided, with its numbers."""
+    beside: tuple[str, ...]
+    """The effects that were known when it was made."""
+    nearest_misses: tuple[NearestMiss, ...]
+    """Where nothing is named: those that came nearest, the nearest first."""
+
+    def with_further_misses(self, misses: Sequence[NearestMiss]) -> "Decision":
+        """The decision with others that came less near, as far as there is room for them."""
+        return replace(self, nearest_misses=(*self.nearest_misses, *misses)[:MOST_MISSES])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictionErrors:
     """Errors of a free rollout on one episode: the refit without, and with the effect; metres."""
 
     episode: str
@@ -118,9 +156,11 @@ class Diagnosis:
     effects: tuple[NamedEffect, ...]
     candidates: tuple[Candidate, ...]
     """By falling held-out gain."""
+    decisions: tuple[Decision, ...]
+    """Of each search, in order: the first beside what was measured directly, a second one beside what that named."""
     experiment: str | None
     where: Where
-    error: tuple[EpisodeError, ...]
+    error: tuple[PredictionErrors, ...]
     seconds: float
     reason: str
     """Why it ended so, in a sentence or two."""

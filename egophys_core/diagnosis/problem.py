@@ -1,22 +1,24 @@
-"""An inquiry: what stays the same over the searches of a diagnosis."""
+"""An problem: what stays the same over the searches of a diagnosis."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.verdict.thresholds import Thresholds
 
 Progress = Callable[[str, float], None]
 """Called with stage and share of the whole done (0..1); may raise to stop."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Inquiry:
+class DiagnosisProblem:
     """Episodes, options and seed."""
 
-    observations: Sequence[Observation]
+    observations: Sequence[TrackedEpisode]
     """What is fitted."""
-    proofs: Sequence[Observation]
+    validation: Sequence[TrackedEpisode]
     """Episodes that are not."""
     options: DiagnosisOptions
     seed: int
+    thresholds: Thresholds = field(default_factory=Thresholds)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from egophys_core.diagnosis.diagnose import Finding
 from egophys_core.diagnosis.diagnosis import save_diagnosis
-from egophys_core.diagnosis.verdict.decide import LEAST_GAIN
+from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import LIBRARY
 from egophys_core.errors import OutputError, TwinError
 from egophys_core.files import write_atomically
@@ -80,5 +80,5 @@ def report(finding: Finding) -> str:
         rest=evidence.rest,
         field=evidence.field,
         texts=EFFECT_TEXTS,
-        mismatch_gain=LEAST_GAIN,
+        mismatch_gain=Thresholds().least_gain,
     )

@@ -61,7 +61,7 @@ class Traits:
     degenerate_parameter: str | None = None
     """A parameter at whose bounds it is no longer itself: what relaxes at once is a damper, which a twin has."""
     common_in: frozenset[str] = frozenset()
-    """Kinds of objects, or `clamped` solids, in which it is refitted whatever its slopes say."""
+    """Kinds of objects in which it is refitted whatever its slopes say."""
     is_horizontal: Callable[[Values], bool] = never
     """Whether, with these values, it is a steady force to the side."""
     is_vertical: Callable[[Values], bool] = never

@@ -52,7 +52,7 @@ EFFECT = Effect(
         needs=frozenset({Need.SPRINGS}),
         measured_by=Measurement.RING_DOWN,
         degenerate_parameter="time",
-        common_in=frozenset({"clamped solid"}),
+        common_in=frozenset({"lattice"}),
     ),
     starts=starts,
     spring_law=SpringLaw(function=relaxing, numbers=numbers, memories=1, stiffening=stiffening),

@@ -11,6 +11,15 @@ from egophys_core.evaluation.metrics import (
     two_way_chamfer,
     two_way_chamfer_per_frame,
 )
+from egophys_core.evaluation.perception import (
+    PointPaths,
+    TrackedViews,
+    pair_frames,
+    pixels_of,
+    points_in_masks,
+    score_points,
+    score_tracks,
+)
 from egophys_core.evaluation.places import Places, identify
 from egophys_core.evaluation.point_tracks import PointTrackScores, first_visible, point_track_scores
 from egophys_core.evaluation.reconstruction import (
@@ -25,9 +34,11 @@ __all__ = [
     "CameraPoseScores",
     "MaskScores",
     "Places",
+    "PointPaths",
     "PointTrackScores",
     "ReconstructionScores",
     "Scores",
+    "TrackedViews",
     "baseline_scores",
     "bind_tracks",
     "camera_pose_scores",
@@ -36,10 +47,15 @@ __all__ = [
     "identify",
     "iou_per_frame",
     "mask_scores",
+    "pair_frames",
+    "pixels_of",
     "point_track_scores",
+    "points_in_masks",
     "reconstruction_scores",
     "rigid_follow_prediction",
     "score",
+    "score_points",
+    "score_tracks",
     "split_frames",
     "static_prediction",
     "track_error_per_frame",

@@ -47,7 +47,7 @@ def rigid_follow_prediction(episode: Episode, contact: np.ndarray) -> np.ndarray
 
     Args:
         contact: [T, C], not 0 where a controller point holds or presses the object. A point moves by its
-            controller's way since that contact began and stays when it ends.
+            controller's displacement since that contact began and stays when it ends.
     """
     hold = contact != 0
     prediction = np.repeat(episode.points[:1], episode.frames, axis=0)

@@ -85,7 +85,7 @@ def pair_frames(stamps_ns: np.ndarray, others_ns: np.ndarray) -> np.ndarray:
 def score_points(found: PointPaths, measured: PointPaths) -> ReconstructionScores:
     """Errors in space; measured frames without a reconstructed one count as not reconstructed."""
     rest = measured.rest
-    places = identify(found.rest, rest, _reach(found.rest))
+    places = identify(found.rest, rest, _radius(found.rest))
     followed = _at_frames(places.follow(found.points), pair_frames(measured.stamps_ns, found.stamps_ns))
     return reconstruction_scores(followed, measured.points, rest)
 
@@ -104,7 +104,7 @@ def score_tracks(views: TrackedViews, measured: PointPaths, *, poses: np.ndarray
     """
     rest = measured.rest
     found = views.paths
-    places = identify(found.rest, rest, _reach(found.rest))
+    places = identify(found.rest, rest, _radius(found.rest))
     pairs = pair_frames(found.stamps_ns, measured.stamps_ns)
     poses = views.world_from_camera if poses is None else poses
     kept = np.flatnonzero((pairs >= 0) & np.isfinite(poses).all(axis=(1, 2)))
@@ -152,7 +152,7 @@ def pixels_of(points: np.ndarray, camera_matrix: np.ndarray, world_from_camera: 
     return np.asarray(seen[:, :2] / depth @ camera_matrix[:2, :2].T + camera_matrix[:2, 2])
 
 
-def _reach(points: np.ndarray) -> float:
+def _radius(points: np.ndarray) -> float:
     """Metres within which points [N, 3] stand for a place: so many median distances to the nearest other one."""
     known = points[np.isfinite(points).all(axis=1)]
     if len(known) < 2:

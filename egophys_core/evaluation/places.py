@@ -18,7 +18,7 @@ NEIGHBOURS = 8
 """A point inside a square grid has this many around it."""
 
 NEARLY = 1e-8
-"""Slope of the squares, in units of the reach, below which a mixture is the nearest."""
+"""Slope of the squares, in units of the radius, below which a mixture is the nearest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,32 +48,32 @@ class Places:
         return followed
 
 
-def identify(points: np.ndarray, wanted: np.ndarray, reach: float) -> Places:
-    """For each wanted point the place nearest to it among its at most eight nearest points within reach.
+def identify(points: np.ndarray, wanted: np.ndarray, radius: float) -> Places:
+    """For each wanted point the place nearest to it among its at most eight nearest points within the radius.
 
-    Not identified are wanted points that are NaN or have no point within reach.
+    Not identified are wanted points that are NaN or have no point within the radius.
 
     Args:
         points: [M, D] reconstructed, any unit; NaN where there is none.
         wanted: [N, D] in the same unit, at the same time.
-        reach: in the same unit; about two spacings of the points.
+        radius: in the same unit; about two spacings of the points.
     """
     if points.ndim != 2 or wanted.ndim != 2 or points.shape[1] != wanted.shape[1]:
         raise EpisodeError(f"points must be [M, D] and wanted [N, D] with one D, got {points.shape} and {wanted.shape}")
-    if not 0 < reach < np.inf:
-        raise EpisodeError(f"reach must be a positive length in the unit of the points, got {reach}")
+    if not 0 < radius < np.inf:
+        raise EpisodeError(f"radius must be a positive length in the unit of the points, got {radius}")
     corners = np.zeros((len(wanted), NEIGHBOURS), int)
     weights = np.zeros((len(wanted), NEIGHBOURS))
     usable = np.flatnonzero(np.isfinite(points).all(axis=1))
     asked = np.flatnonzero(np.isfinite(wanted).all(axis=1))
     if len(usable) and len(asked):
         tree = cKDTree(points[usable])
-        distances, nearest = tree.query(wanted[asked], k=range(1, NEIGHBOURS + 1), distance_upper_bound=reach)
+        distances, nearest = tree.query(wanted[asked], k=range(1, NEIGHBOURS + 1), distance_upper_bound=radius)
         for place, near, which in zip(asked, np.isfinite(distances), nearest, strict=True):
             if near.any():
                 chosen = usable[which[near]]
                 corners[place, near] = chosen
-                weights[place, near] = _nearest_mixture((points[chosen] - wanted[place]) / reach)
+                weights[place, near] = _nearest_mixture((points[chosen] - wanted[place]) / radius)
     return Places(corners=corners, weights=weights)
 
 

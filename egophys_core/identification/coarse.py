@@ -13,7 +13,6 @@ from egophys_core.cores import usable_cores
 from egophys_core.errors import EpisodeError, TwinError
 from egophys_core.identification.loss import TAIL_SHARE, rollout_loss
 from egophys_core.identification.options import FitOptions
-from egophys_core.identification.search_space import candidate, searched_numbers
 from egophys_core.identification.search_state import (
     START_ANEW,
     SearchState,
@@ -21,7 +20,9 @@ from egophys_core.identification.search_state import (
     save_search,
     search_identity,
 )
-from egophys_core.kinds.rest_shape import RestShape
+from egophys_core.kinds import kind_named
+from egophys_core.kinds.kind import RestShape
+from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
@@ -94,7 +95,9 @@ def fit_coarse(
     if best_coordinates is None:
         raise TwinError("every candidate of the coarse fit diverged; check the controller motion for jumps")
     return CoarseFit(
-        model=candidate(shape, best_coordinates, ground_height=problems[0].episode.ground_height),
+        model=surface_model(kind_named(shape.kind)).candidate(
+            shape, best_coordinates, ground_height=problems[0].episode.ground_height
+        ),
         loss=best_loss,
         history=tuple(history),
     )
@@ -111,7 +114,7 @@ def _strategy(shape: RestShape, options: FitOptions, seed: int) -> cma.CMAEvolut
         "verbose": -9,
         **({"popsize": options.population} if options.population else {}),
     }
-    start = [number.start_u for number in searched_numbers(shape.kind)]
+    start = [number.start_u for number in surface_model(kind_named(shape.kind)).searched]
     return cma.CMAEvolutionStrategy(start, options.step_size, settings)
 
 
@@ -150,11 +153,11 @@ def evaluate_candidates(
     problems: Sequence[FitProblem], shape: RestShape, population: Sequence[np.ndarray], stride: int
 ) -> np.ndarray:
     """[K] metres: the loss of candidates at normalised coordinates, averaged over episodes."""
-    losses = np.zeros(len(population))
+    losses, way = np.zeros(len(population)), surface_model(kind_named(shape.kind))
     with ThreadPoolExecutor(usable_cores()) as pool:
         for problem in problems:
             ground = problem.episode.ground_height
-            models = [candidate(shape, coordinates, ground_height=ground) for coordinates in population]
+            models = [way.candidate(shape, coordinates, ground_height=ground) for coordinates in population]
             controls, starts = [problem.train_controls()] * len(models), [problem.start] * len(models)
             result = rollout(batch_of_models(models, controls, starts=starts, ground_height=ground))
             frames = problem.loss_frames(stride)

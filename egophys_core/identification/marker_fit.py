@@ -1,30 +1,26 @@
-"""From episodes of an object with a few markers to a twin: one stiffness, one damping, one drag.
+"""From episodes of an object with a few markers to its model: one stiffness, one damping, one drag.
 
 Free rollouts tell them: markers are too few and too well measured for anything to be smoothed away. A swing that has
 the wrong period looks as wrong as any other, so the sag under gravity tells the stiffness first, with the swing
 damped away; then its period does, then all numbers are refined together.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from egophys_core import __version__
-from egophys_core.episode import Episode
-from egophys_core.errors import EpisodeError, OptionsError, TwinError
-from egophys_core.evaluation import score
-from egophys_core.identification.build import episode_digest, predict
-from egophys_core.identification.marker_unknowns import unknowns_of
-from egophys_core.kinds.template import Template
-from egophys_core.observation.checks import require_fittable
-from egophys_core.observation.markers import MarkerBody, marker_body, place_markers
-from egophys_core.observation.problem import FitProblem
+from egophys_core.errors import OptionsError, TwinError
+from egophys_core.identification.fit import Fit
+from egophys_core.identification.options import FitOptions
+from egophys_core.kinds import kind_named
+from egophys_core.kinds.kind import MarkerBody
+from egophys_core.kinds.marker_body import marker_body, marker_model
+from egophys_core.kinds.template import parse_template
+from egophys_core.observation import FitProblem, ObservedEpisode, place_model
 from egophys_core.simulation import batch_of_models, rollout
-from egophys_core.twin import ObjectKind, ObjectModel, Provenance, Twin
-
-DENSITY = 1000.0
-"""kg/m^3, of most that is soft."""
+from egophys_core.twin import ObjectModel
 
 NEAR = np.geomspace(0.75, 1.33, 32)
 """Times the stiffness of the sag, within which that of the swing is looked for."""
@@ -47,74 +43,47 @@ LEAST_GAIN = 1e-3
 Progress = Callable[[str, float, float], None]
 
 
-def build_marker_twin(
-    episodes: Sequence[Episode],
-    template: Template | None,
+def fit_markers(
+    observed: Sequence[ObservedEpisode],
+    options: FitOptions,
     *,
-    density: float = DENSITY,
-    loads: Mapping[str, float] | None = None,
-    progress: Progress = lambda stage, share, loss: None,
-) -> Twin:
-    """Fit a twin to the train frames of episodes in which an object is seen at a few markers.
-
-    Args:
-        template: what the object looks like; by default a bar between held points and markers.
-        density: kg/m^3; gives a load in newtons its meaning.
-        loads: per name of an episode the weight in N of what hangs at the free end.
+    seed: int,
+    progress: Progress,
+    checkpoint: Path | None,
+) -> Fit:
+    """Fit a model to the train frames of episodes in which an object is seen at a few markers; nothing is random.
 
     Raises:
-        EpisodeError: no held points, or episodes with different markers.
-        OptionsError: a load for no episode, or on a rod of no known weight; or a density that is not positive.
+        EpisodeError: episodes with different markers, or markers that do not tell a direction.
+        OptionsError: a load on what has no known weight, or what only a search takes.
         TwinError: all rollouts diverged.
     """
-    if not episodes:
-        raise EpisodeError("no episode given; a twin is built from at least one")
-    if not density > 0:
-        raise OptionsError(f"density must be positive, got {density} kg/m^3")
-    hung = dict(loads or {})
-    require_loads_of(hung, episodes)
-    for episode in episodes:
-        require_fittable(episode)
-    progress("prepare", 0.0, float("nan"))
-    body = marker_body(episodes[0], template)
-    if body.kind == ObjectKind.ROD and template is None and any(hung.values()):
+    if checkpoint is not None:
+        raise OptionsError(
+            f"{observed[0].name}: at markers there is no search to keep in {checkpoint}; leave the checkpoint out"
+        )
+    template = parse_template(options.template) if options.template else None
+    seen = observed[0].markers
+    if seen is None:
+        raise TwinError(f"{observed[0].name} shows a surface, and is to be fitted at markers")
+    body = marker_body(seen, template, options.named_kind)
+    if not body.is_size_known and any(each.load for each in observed):
         raise OptionsError(
             "a load on a cable means nothing without its weight; give its size, as in --template box:0.8x0.01x0.01"
         )
-    fit = MarkerSearch(body, episodes, hung, density).run(progress)
-    model, problem = fit.model, fit.problems[0]
-    scores = score(predict(model, problem), model.graph.surface, problem.episode)
-    return Twin(
-        model=model,
-        grasp=fit.body.grasp,
-        ground_height=problem.episode.ground_height,
-        provenance=Provenance(
-            episodes=tuple({"name": each.name, "sha256": episode_digest(each)} for each in episodes),
-            settings={
-                "density": density,
-                "loads": hung,
-                "assumed": list(fit.body.notes),
-                "rmse_m": fit.error,
-            },
-            seed=0,
-            code_version=__version__,
-            scores=scores.as_dict(),
-        ),
+    found = MarkerSearch(body, observed, options.density).run(progress)
+    return Fit(
+        model=found.model,
+        grasp=found.body.grasp,
+        problem=found.problems[0],
+        loss=found.error,
+        settings={
+            **options.settings(at_markers=True),
+            "loads": {each.name: each.load for each in observed if each.load},
+            "assumed": list(found.body.notes),
+            "rmse_m": found.error,
+        },
     )
-
-
-def require_loads_of(loads: Mapping[str, float], episodes: Sequence[Episode]) -> None:
-    """Check that every load belongs to an episode and has a size.
-
-    Raises:
-        OptionsError: it does not.
-    """
-    names = [episode.name for episode in episodes]
-    for name, newtons in loads.items():
-        if name not in names:
-            raise OptionsError(f"a load is given for {name}, which is not among the episodes {', '.join(names)}")
-        if not 0.0 <= newtons < np.inf:
-            raise OptionsError(f"the load of {name} must be newtons, not negative, got {newtons}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,17 +102,21 @@ class MarkerFit:
 class MarkerSearch:
     """The object in its episodes, with numbers to be found."""
 
-    def __init__(self, body: MarkerBody, episodes: Sequence[Episode], loads: Mapping[str, float], density: float):
-        self.episodes, self.loads = episodes, loads
-        known = episodes[0].controllers.shape[1] + episodes[0].points.shape[1]
-        self.unknowns = unknowns_of(body, known, density)
+    def __init__(self, body: MarkerBody, observed: Sequence[ObservedEpisode], density: float):
+        """Of a density in kg/m^3."""
+        self.observed = observed
+        first, way = observed[0].episode, marker_model(kind_named(body.kind))
+        self.unknowns = way.unknowns(body, first.controllers.shape[1] + first.points.shape[1], density)
+        self._starts_as_seen = way.starts_as_seen
+        self._placed: tuple[FitProblem, ...] | None = None
 
     def at(self, numbers: np.ndarray) -> MarkerFit:
         """What numbers [D] make of the object."""
         body, model = self.unknowns.model(numbers)
-        problems = tuple(
-            place_markers(model, body.grasp, each, load=self.loads.get(each.name, 0.0)) for each in self.episodes
-        )
+        # What begins along what is seen is placed once: its numbers have no part in it.
+        problems = self._placed or tuple(place_model(model, body.grasp, each) for each in self.observed)
+        if self._starts_as_seen:
+            self._placed = problems
         return MarkerFit(model=model, body=body, problems=problems)
 
     def best(self, candidates: np.ndarray) -> tuple[np.ndarray, float]:

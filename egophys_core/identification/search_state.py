@@ -20,10 +20,10 @@ from egophys_core import __version__
 from egophys_core.errors import OutputError, TwinError
 from egophys_core.files import write_atomically
 from egophys_core.identification.options import FitOptions
-from egophys_core.identification.search_space import searched_numbers
-from egophys_core.kinds.rest_shape import RestShape
+from egophys_core.kinds import kind_named
+from egophys_core.kinds.kind import RestShape
+from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.observation.problem import FitProblem
-from egophys_core.options import to_mapping
 
 FORMAT_VERSION = 1
 """Raised when a reader of the previous version would misread the file."""
@@ -72,13 +72,17 @@ def search_identity(
 
     How many generations it has is left out: a search that was to be short may go on. So is what comes after it.
     """
-    settings = {f"option {name}": value for name, value in to_mapping(options).items() if name not in AFTER_SEARCH}
+    settings = {
+        f"option {name}": value
+        for name, value in options.settings(at_markers=False).items()
+        if name not in AFTER_SEARCH
+    }
     return {
         "episodes": [f"{each.episode.name} {_digest(each)}" for each in problems],
         "object at rest": _digest(shape),
         "seed": seed,
         **settings,
-        "searched numbers": _digest(searched_numbers(shape.kind)),
+        "searched numbers": _digest(surface_model(kind_named(shape.kind)).searched),
         "code version": __version__,
     }
 

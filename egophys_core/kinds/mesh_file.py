@@ -1,19 +1,13 @@
-"""Triangle meshes from OBJ and STL files, and what lies inside them."""
+"""Triangle meshes from files, and what lies inside them."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from egophys_core.errors import OptionsError
 
-SUFFIXES = (".obj", ".stl")
-
-STL_HEADER_BYTES = 84
-"""Of a binary STL: 80 of text and the number of triangles."""
-
-STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+SUFFIXES = (".obj", ".stl", ".ply")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,49 +47,23 @@ class Mesh:
 
 
 def read_mesh(path: Path) -> Mesh:
-    """Read the triangles of an OBJ or STL file, in metres.
+    """Read the triangles of a mesh file, in metres; polygons are cut into fans.
 
     Raises:
         OptionsError: of another kind, absent, cut, or without triangles.
     """
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    # Takes a second to import, and only who builds from a mesh needs it.
+    import trimesh
+
+    if path.suffix.lower() not in SUFFIXES:
         raise OptionsError(
-            f"template {path} is neither box:LxWxH (metres) nor a mesh; meshes are read from {' and '.join(SUFFIXES)} "
-            "files, in metres"
+            f"template {path} is neither box:LxWxH (metres) nor a mesh; meshes are read from "
+            f"{', '.join(SUFFIXES)} files, in metres"
         )
+    if not path.is_file():
+        raise OptionsError(f"cannot read template {path}: there is no such file")
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise OptionsError(f"cannot read template {path}: {error.strerror}") from error
-    try:
-        return Mesh(corners=_obj(content) if suffix == ".obj" else _stl(content))
-    except (ValueError, IndexError) as error:
-        raise OptionsError(f"template {path} is not a whole {suffix} file: {error}") from error
-
-
-def _obj(content: bytes) -> np.ndarray:
-    """Corners of the faces of an OBJ file; polygons are cut into fans, all but `v` and `f` lines are skipped."""
-    vertices: list[list[float]] = []
-    faces: list[tuple[int, int, int]] = []
-    for line in content.decode("utf-8", errors="replace").splitlines():
-        word, *values = line.split() or [""]
-        if word == "v":
-            vertices.append([float(value) for value in values[:3]])
-        elif word == "f":
-            numbers = [int(value.split("/")[0]) for value in values]
-            # Numbers begin at 1; negative ones count back from the last vertex so far.
-            corners = [number - 1 if number > 0 else len(vertices) + number for number in numbers]
-            faces.extend((corners[0], second, third) for second, third in pairwise(corners[1:]))
-    return np.array(vertices, float)[np.array(faces, int).reshape(-1, 3)]
-
-
-def _stl(content: bytes) -> np.ndarray:
-    """Corners of the triangles of an STL file, binary or text."""
-    count = int.from_bytes(content[80:STL_HEADER_BYTES], "little")
-    if len(content) == STL_HEADER_BYTES + count * STL_TRIANGLE.itemsize:
-        return np.frombuffer(content, STL_TRIANGLE, count, STL_HEADER_BYTES)["corners"].astype(float)
-    if not content.lstrip().startswith(b"solid"):
-        raise ValueError(f"{len(content)} bytes where a binary STL of {count} triangles has another length")
-    rows = [line.split()[1:4] for line in content.decode("utf-8", errors="replace").splitlines() if "vertex" in line]
-    return np.array(rows, float).reshape(-1, 3, 3)
+        return Mesh(corners=np.asarray(trimesh.load_mesh(path, process=False).triangles, float))
+    except Exception as error:
+        # The library's readers raise whatever a broken file does to their arithmetic.
+        raise OptionsError(f"template {path} is not a whole {path.suffix} file of 4 triangles or more") from error

@@ -1,16 +1,21 @@
 """How an object is seen in an episode: tracks or markers, who holds it and when, and a twin placed in it."""
 
 from egophys_core.observation.contact import Contact, Hand, contact_flags, find_hands
-from egophys_core.observation.placing import observed_contacts, place_twin
+from egophys_core.observation.observed import AnyEpisode, ObservedEpisode, observe_episode, observe_episodes
+from egophys_core.observation.placing import place_model, place_twin
 from egophys_core.observation.problem import FitProblem, prepare
 
 __all__ = [
+    "AnyEpisode",
     "Contact",
     "FitProblem",
     "Hand",
+    "ObservedEpisode",
     "contact_flags",
     "find_hands",
-    "observed_contacts",
+    "observe_episode",
+    "observe_episodes",
+    "place_model",
     "place_twin",
     "prepare",
 ]

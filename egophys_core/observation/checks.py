@@ -17,7 +17,8 @@ def require_fittable(episode: Episode) -> None:
     """
     if episode.controllers.shape[1] == 0:
         raise EpisodeError(
-            f"{episode.name}: no controller points, so nothing moves the object; record the points of the hands"
+            f"{episode.name}: no controller points, so nothing moves the object; record the points of the hands, or of "
+            "a clamp"
         )
     size = object_size(episode)
     if not SMALLEST_OBJECT_M <= size <= LARGEST_OBJECT_M:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 
-from egophys_core.geometry import least_rotation
+from egophys_core.geometry import rigid_fit
 
 GAP = 0.15
 """Metres within which held points may belong to one clamp."""
@@ -66,18 +66,3 @@ def carried_by_clamps(held: np.ndarray, clamped: np.ndarray, *, still: float = S
             turn, shift = rigid_fit(track[0], now)
             carried[frame, mine] = clamped[mine] @ turn.T + shift
     return carried
-
-
-def rigid_fit(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation [3, 3] and shift [3] that bring points [P, 3] nearest to others (Kabsch, Acta Cryst. A32 (1976) 922).
-
-    Of all rotations that bring them as near it is the least: none for one point, none about the line of two.
-    """
-    middle, aim = source.mean(axis=0), target.mean(axis=0)
-    if len(source) < 3:
-        turn = least_rotation(source[-1] - source[0], target[-1] - target[0])
-        return turn, aim - turn @ middle
-    left, _, right = np.linalg.svd((source - middle).T @ (target - aim))
-    mirror = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    turn = (left @ mirror @ right).T
-    return turn, aim - turn @ middle

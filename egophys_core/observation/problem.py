@@ -8,9 +8,9 @@ from scipy.spatial import cKDTree
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.evaluation import bind_tracks, split_frames
-from egophys_core.observation.at_rest import observed_at_rest
-from egophys_core.observation.contact import Hand, contact_flags, find_hands
+from egophys_core.observation.contact import Hand
 from egophys_core.observation.hand_scene import REACH
+from egophys_core.observation.observed import AnyEpisode, observe_episode
 from egophys_core.observation.registration import place, placed
 from egophys_core.simulation import Controls
 
@@ -68,10 +68,11 @@ class FitProblem:
         return np.arange(self.first_frame + 1, self.episode.train_frames, stride)
 
 
-def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spacing: float) -> FitProblem:
-    """Find the hands of an episode and place the object's nodes in it.
+def prepare(episode: AnyEpisode, positions: np.ndarray, surface: np.ndarray, *, spacing: float) -> FitProblem:
+    """Place an object's nodes in an episode that shows its surface.
 
     Args:
+        episode: as recorded, or observed already.
         positions: [N, 3] metres, the object's nodes at rest.
         surface: [N] bool.
         spacing: metres between nodes.
@@ -79,14 +80,15 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
     Raises:
         EpisodeError: no hand ever moves the object, so there is nothing to fit, or it is another object.
     """
+    observed = observe_episode(episode)
+    episode, hands = observed.episode, observed.hands
     split_frames(episode)
-    hands = tuple(find_hands(episode))
     if not any(hand.touches for hand in hands):
         raise EpisodeError(
             f"{episode.name}: no hand moves the object (no points within {REACH} m of one come along with it); "
             "check that object and controller points are in the same frame and unit"
         )
-    resting = observed_at_rest(episode, hands)[1]
+    resting = observed.at_rest
     pose = place(positions[surface], resting, spacing=spacing)
     start = placed(positions, pose, positions[surface].mean(axis=0))
     _require_same_object(episode.name, start[surface], resting, spacing)
@@ -95,7 +97,7 @@ def prepare(episode: Episode, positions: np.ndarray, surface: np.ndarray, *, spa
         hands=hands,
         start=start,
         bound=bind_tracks(episode.points[0], start[surface]),
-        controls=Controls(times=episode.times, positions=episode.controllers, contact=contact_flags(episode, hands)),
+        controls=Controls(times=episode.times, positions=episode.controllers, contact=observed.contact),
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
+from egophys_core.geometry import farthest_points
 from egophys_core.perception.hands.grip import carried
 from egophys_core.perception.hands.hand_points import at_depth
 from egophys_core.perception.observation import Observation
@@ -13,7 +14,7 @@ from egophys_core.perception.options import Completion, ObjectKind, PerceptionOp
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.rest_surface import RestObject
 from egophys_core.perception.surface.surface_render import project
-from egophys_core.perception.surface.track_filter import consistent_motion, farthest_points
+from egophys_core.perception.surface.track_filter import consistent_motion
 
 INFERRED_CONFIDENCE = 0.5
 """Of points that were never seen but inferred from symmetry."""

@@ -3,21 +3,40 @@
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from egophys_core.errors import EpisodeError
+from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose
 from egophys_core.perception.camera.lens import Camera, FullView, SquareView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S
 from egophys_core.perception.observation import Observation
-from egophys_core.perception.options import PerceptionOptions
+from egophys_core.perception.options import PerceptionOptions, Stages
 from egophys_core.perception.scene_observer import SceneObserver
 from egophys_core.perception.stages import View
+
+
+def require_live(options: PerceptionOptions) -> None:
+    """Check that the stages can follow a live camera.
+
+    Raises:
+        OptionsError: they go through a video several times.
+    """
+    if options.stages == Stages.LEARNED:
+        raise OptionsError(
+            "stages learned go through a video several times, so they are for recorded ones (`egophys perceive`, "
+            "twin_node); take stages classical for a live camera"
+        )
 
 
 class LiveObserver:
     """As `perceive`, frame by frame: poses are not interpolated, since what comes next is not known."""
 
     def __init__(self, camera: Camera, *, options: PerceptionOptions | None = None, board: Board | None = None) -> None:
+        """Nothing is known yet.
+
+        Raises:
+            OptionsError: learned stages are asked for.
+        """
+        require_live(options or PerceptionOptions())
         self._camera = camera
         self._options = options or PerceptionOptions()
         self._board = board or Board()

@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
-from egophys_core.options import choice, number, validate
+from egophys_core.errors import OptionsError
+from egophys_core.options import choice, number, text, validate
 
 
 class ObjectKind(StrEnum):
@@ -20,7 +21,25 @@ class Completion(StrEnum):
 
     SYMMETRIC = "symmetric"
     """The visible side turned about the middle of the body."""
+    GENERATED = "generated"
+    """What TRELLIS makes of the first view; a learned stage, that needs the others."""
     NONE = "none"
+
+
+class Stages(StrEnum):
+    """What finds masks, tracks and depth."""
+
+    CLASSICAL = "classical"
+    """Colours, patches and parallax: no weights."""
+    LEARNED = "learned"
+    """Grounding DINO with SAM 2, CoTracker3 and VGGT, as in the paper; hand and object are in view throughout."""
+
+
+class Device(StrEnum):
+    """Where learned stages run."""
+
+    CPU = "cpu"
+    CUDA = "cuda"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +60,8 @@ class PerceptionOptions:
     )
     kind: ObjectKind = choice(ObjectKind.AUTO, doc="sheet, solid, or auto: by how flat it lies")  # noqa: RUF009
     completion: Completion = choice(  # noqa: RUF009
-        Completion.SYMMETRIC, doc="hidden side of a solid: symmetric (the visible side turned about its middle), none"
+        Completion.SYMMETRIC,
+        doc="hidden side of a solid: symmetric (the visible side turned about its middle), generated, none",
     )
     ground_margin_m: float = number(
         0.005, low=0.0, high=0.1, doc="points deeper in the table are left out (paper: 5 mm)"
@@ -53,5 +73,18 @@ class PerceptionOptions:
         (0.0, 0.0), low=0.0, high=4096.0, doc="x y on the object in the first view; both 0: search"
     )
 
+    stages: Stages = choice(  # noqa: RUF009
+        Stages.CLASSICAL, doc="classical (no weights), or learned: the models of the paper, see docs/learned_models.md"
+    )
+    weights: str = text("", doc="folder with the weights of learned stages")
+    object_prompt: str = text("object", doc="what learned stages look for, in words: 'a towel'")
+    device: Device = choice(Device.CPU, doc="where learned stages run: cpu or cuda")  # noqa: RUF009
+
     def __post_init__(self) -> None:
         validate(self)
+        if self.stages == Stages.LEARNED and not self.weights:
+            raise OptionsError(
+                "stages learned needs weights, the folder that holds them; docs/learned_models.md says which"
+            )
+        if self.completion == Completion.GENERATED and self.stages != Stages.LEARNED:
+            raise OptionsError("completion generated is a learned stage: it needs stages learned, and weights")

@@ -3,7 +3,7 @@
 import dataclasses
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +14,13 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.background_motion import background_poses
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, doubt_intrinsics
+from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, intrinsics_warning
 from egophys_core.perception.camera.lens import FullView, SquareView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
 from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC, Video, VideoWarning, open_video
 from egophys_core.perception.episode_assembly import EpisodeAssembly
 from egophys_core.perception.observation import Observation
-from egophys_core.perception.options import ObjectKind, PerceptionOptions
+from egophys_core.perception.options import ObjectKind, PerceptionOptions, Stages
 from egophys_core.perception.scene_observer import SceneObserver
 from egophys_core.perception.stages import View
 
@@ -48,7 +48,7 @@ class PerceptionReport:
     hand_seen: int
     """Views in which a hand is seen."""
     grip_frame: int
-    """View in which the hand takes hold; -1 if it never does."""
+    """View in which the hand takes hold; -1 if it never does; 0 of learned stages, which need the hand from then on."""
     notes: tuple[str, ...]
     """Sentences for the user: what was inferred or missing, with numbers."""
 
@@ -114,8 +114,9 @@ def _perceive(
     on_observation: Callable[[Observation], None],
     tell: Callable[[str, float], None],
 ) -> Perceived:
+    if options.stages == Stages.LEARNED:
+        return _perceive_by_learned_stages(video, options, board, on_observation, tell)
     camera = _find_poses(video, board, options, tell)
-    square = SquareView(video.camera, turns=camera.turns, side=options.side)
     scene = SceneObserver(options, board if camera.scale_is_known else None)
     assembly: EpisodeAssembly | None = None
     hand_seen = 0
@@ -130,24 +131,81 @@ def _perceive(
             hand_seen += bool(observation.masks.hand.any())
             on_observation(observation)
 
+    for index, view in enumerate(_views(video, camera, options)):
+        take(scene.add(view))
+        tell("shape", min((index + 1) / len(camera.stamps_ns), 1.0))
+    take(scene.finish())
+    assert assembly is not None
+    assert scene.rest is not None
+    episode = assembly.episode(_episode_name(video, camera), ground_height=0.0)
+    report = _report(camera, scene, assembly, episode, hand_seen)
+    return Perceived(episode=episode, start_ns=assembly.start_ns, report=report)
+
+
+def _perceive_by_learned_stages(
+    video: Video,
+    options: PerceptionOptions,
+    board: Board,
+    on_observation: Callable[[Observation], None],
+    tell: Callable[[str, float], None],
+) -> Perceived:
+    # What needs torch is imported where it is asked for; missing weights are found before the work begins.
+    from egophys_core.perception.learned.loading import load_stages
+    from egophys_core.perception.staged_video import observe_by_stages
+
+    stages = load_stages(options)
+    camera = _find_poses(video, board, options, tell)
+    tell("shape", 0.0)
+
+    def views() -> Iterator[View]:
+        return (view for view in _views(video, camera, options) if np.isfinite(view.world_from_camera).all())
+
+    stamps_ns: list[int] = []
+    hand_seen = 0
+
+    def take(observation: Observation) -> None:
+        nonlocal hand_seen
+        stamps_ns.append(observation.view.stamp_ns)
+        hand_seen += bool(observation.masks.hand.any())
+        on_observation(observation)
+
+    episode, kind = observe_by_stages(
+        views, stages, name=_episode_name(video, camera), options=options, on_observation=take
+    )
+    tell("shape", 1.0)
+    track = camera.track
+    report = PerceptionReport(
+        frames=len(track.known),
+        posed=int(np.count_nonzero(track.known & ~track.inferred)),
+        pose_inferred=int(np.count_nonzero(track.inferred)),
+        scale_is_known=camera.scale_is_known,
+        kind=str(kind),
+        thickness_m=0.0,
+        tracked=episode.points.shape[1],
+        coverage=float(episode.visible.mean()),
+        hand_seen=hand_seen,
+        grip_frame=0,
+        notes=(*camera.notes, "learned stages: hand and object are taken to be in view from the first frame on"),
+    )
+    return Perceived(episode=episode, start_ns=stamps_ns[0], report=report)
+
+
+def _views(video: Video, camera: "_CameraPath", options: PerceptionOptions) -> Iterator[View]:
+    """Square, upright views with their poses."""
+    square = SquareView(video.camera, turns=camera.turns, side=options.side)
     poses = dict(zip(camera.stamps_ns, camera.track.world_from_camera, strict=True))
-    for index, frame in enumerate(video.frames()):
-        view = View(
+    for frame in video.frames():
+        yield View(
             stamp_ns=frame.stamp_ns,
             image=square.image(frame.image),
             camera_matrix=square.matrix,
             world_from_camera=square.from_raw_pose(poses[frame.stamp_ns]),
         )
-        take(scene.add(view))
-        tell("shape", min((index + 1) / len(poses), 1.0))
-    take(scene.finish())
-    assert assembly is not None
-    assert scene.rest is not None
-    # A twin keeps the names of its episodes, so this tells whoever plans with it.
-    name = video.path.resolve().name + ("" if camera.scale_is_known else " (scale assumed)")
-    episode = assembly.episode(name, ground_height=0.0)
-    report = _report(camera, scene, assembly, episode, hand_seen)
-    return Perceived(episode=episode, start_ns=assembly.start_ns, report=report)
+
+
+def _episode_name(video: Video, camera: "_CameraPath") -> str:
+    """A twin keeps the names of its episodes, so that of the assumed scale tells whoever plans with it."""
+    return video.path.resolve().name + ("" if camera.scale_is_known else " (scale assumed)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +243,7 @@ def _find_poses(
         return _poses_from_table(video, full, stamps_ns, reasons, options)
     track = track_poses(stamps_ns, poses)
     inferred, lost = int(track.inferred.sum()), int((~track.known).sum())
-    notes = [note for note in (doubt_intrinsics(found),) if note]
+    notes = [note for note in (intrinsics_warning(found),) if note]
     if inferred or lost:
         notes.append(
             f"camera pose: {inferred} of {len(poses)} interpolated over gaps of at most {LONGEST_FILLED_GAP_S} s, "

@@ -5,22 +5,34 @@ fit in here; `perceive` has a path of its own, which needs no weights.
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
+from egophys_core.geometry import farthest_points
 from egophys_core.perception.options import PerceptionOptions
-from egophys_core.perception.stages import PointMapper, Segmenter, Tracker, View
+from egophys_core.perception.stages import Completer, PointMapper, Segmenter, Tracker, View
 from egophys_core.perception.surface.lifting import LiftOptions, lift
 from egophys_core.perception.surface.track_filter import (
     above_ground,
     consistent_motion,
-    farthest_points,
     mask_hits,
     stays_in_mask,
     visible_throughout,
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StageSet:
+    """The stages of the path."""
+
+    segmenter: Segmenter
+    tracker: Tracker
+    point_mapper: PointMapper
+    completer: Completer | None
+    """Makes the hidden side of a solid; None leaves it out."""
 
 
 def episode_from_stages(

@@ -65,6 +65,13 @@ class Tracker(Protocol):
         """Tracks of queries [N, 2], pixels x and y of the first view."""
 
 
+class Completer(Protocol):
+    """One view of an object -> its whole surface."""
+
+    def surface(self, image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """Points [P, 3] of the object in the mask [S, S] of an image [S, S, 3]; z up; heading, place, size any."""
+
+
 class PointMapper(Protocol):
     """Views -> the world point of each pixel, one map each, in order."""
 

@@ -1,9 +1,14 @@
 """Planning with a twin as forward model: MPPI over tool waypoints to a target shape."""
 
-from egophys_core.planning.forward import final_shapes, rollout_plans, shape_costs, twin_costs
-from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
-from egophys_core.planning.mppi import ForwardModel, plan_to_target
+from typing import TYPE_CHECKING
+
+from egophys_core.on_demand import names_on_demand
 from egophys_core.planning.options import PlanOptions
+
+if TYPE_CHECKING:
+    from egophys_core.planning.forward import final_shapes, rollout_plans, shape_costs, twin_costs
+    from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
+    from egophys_core.planning.mppi import ForwardModel, plan_to_target
 
 __all__ = [
     "ForwardModel",
@@ -17,3 +22,5 @@ __all__ = [
     "shape_costs",
     "twin_costs",
 ]
+
+__getattr__ = names_on_demand(__name__, "forward", "grasp", "mppi")

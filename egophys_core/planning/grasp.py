@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import PlanningError
+from egophys_core.interpolation import PosesOverTime
 from egophys_core.simulation import ContactKind, Controls
 from egophys_core.waypoint_plan import UNIT_QUATERNION_TOLERANCE, WaypointPlan
 
@@ -75,8 +76,7 @@ def controls_of_plan(plan: WaypointPlan, grasp: Grasp) -> Controls:
     count = max(2, int(np.ceil((times[-1] - start) / FRAME_DURATION)) + 1)
     frames = start + np.arange(count) * FRAME_DURATION
     inside = np.minimum(frames, times[-1])
-    positions = np.stack([np.interp(inside, times, plan.positions[:, axis]) for axis in range(3)], axis=1)
-    rotations = Slerp(times, Rotation.from_quat(plan.quaternions))(inside)
+    positions, rotations = PosesOverTime(times, plan.positions, Rotation.from_quat(plan.quaternions)).at(inside)
     points = np.stack([rotation.apply(grasp.controllers) for rotation in rotations]) + positions[:, None]
     waypoint = np.searchsorted(times, inside, side="right") - 1
     contact = np.where(plan.gripper_opening[waypoint] < CLOSED_BELOW, ContactKind.HOLD, ContactKind.NONE)

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from egophys_core.interpolation import values_at
 from egophys_core.recording.pointcloud import PointFrame
 
 LONGEST_FILLED_GAP_S = 0.5
@@ -130,13 +131,12 @@ def fill_short_gaps(
             continue
         kept.append(column)
         missing = np.setdiff1d(np.arange(len(times)), seen)
-        for axis in range(3):
-            filled[missing, column, axis] = np.interp(times[missing], times[seen], positions[seen, column, axis])
+        filled[missing, column] = values_at(times[seen], positions[seen, column], times[missing])
     return ids[kept], filled[:, kept]
 
 
 def _longest_gap(times: np.ndarray, seen: np.ndarray) -> float:
-    """Longest time without a sighting, seconds; 0 when no frame is missing, however far apart frames are."""
+    """Longest time unseen, seconds; 0 when no frame is missing, however far apart frames are."""
     ends = np.array([times[seen[0]] - times[0], times[-1] - times[seen[-1]]])
     inner = np.diff(times[seen])[np.diff(seen) > 1]
     return float(max(ends.max(), inner.max(initial=0.0)))

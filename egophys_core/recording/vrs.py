@@ -11,12 +11,13 @@ import numpy as np
 
 from egophys_core.errors import RecordingError
 from egophys_core.recording.bag_metadata import SENSOR_QOS
+from egophys_core.recording.camera_messages import INFO_TYPE, pinhole_info, stamped_header
 from egophys_core.recording.log_writer import LogWriter
 from egophys_core.recording.message_definitions import jazzy_types
 
 CAMERA_LABEL = "camera-rgb"
 IMAGE_TOPIC, IMAGE_TYPE = "/ego/image_raw/compressed", "sensor_msgs/msg/CompressedImage"
-INFO_TOPIC, INFO_TYPE = "/ego/camera_info", "sensor_msgs/msg/CameraInfo"
+INFO_TOPIC = "/ego/camera_info"
 FRAME_ID = "ego_camera_optical"
 JPEG_QUALITY = 95
 INSTALL = "pip install -e '.[aria]' in this repository"
@@ -158,22 +159,9 @@ def import_provider(
 
 def camera_info(size: int, focal_length: float) -> Any:
     """CameraInfo, without a stamp, of square pinhole images whose principal point is the middle, turned or not."""
-    types = jazzy_types().types
     middle = (size - 1) / 2
     matrix = np.array([[focal_length, 0, middle], [0, focal_length, middle], [0, 0, 1.0]])
-    return types[INFO_TYPE](
-        header=_header(0),
-        height=size,
-        width=size,
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
-        k=matrix.ravel(),
-        r=np.eye(3).ravel(),
-        p=np.hstack([matrix, np.zeros((3, 1))]).ravel(),
-        binning_x=0,
-        binning_y=0,
-        roi=types["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
-    )
+    return pinhole_info(stamped_header(0, FRAME_ID), matrix, (size, size))
 
 
 def _images(provider: Any, stream: Any, count: int, source: str) -> Iterator[tuple[int, np.ndarray | None]]:
@@ -193,21 +181,13 @@ def _image_message(stamp_ns: int, image: np.ndarray) -> bytes:
     ok, jpeg = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     if not ok:
         raise RecordingError(f"an image of {image.shape} cannot be written as JPEG")
-    message = jazzy_types().types[IMAGE_TYPE](header=_header(0), format="jpeg", data=jpeg.ravel())
+    message = jazzy_types().types[IMAGE_TYPE](header=stamped_header(0, FRAME_ID), format="jpeg", data=jpeg.ravel())
     return _stamped(message, stamp_ns, IMAGE_TYPE)
 
 
 def _stamped(message: Any, stamp_ns: int, type_name: str) -> bytes:
-    message.header = _header(stamp_ns)
+    message.header = stamped_header(stamp_ns, FRAME_ID)
     return bytes(jazzy_types().serialize_cdr(message, type_name, little_endian=True))
-
-
-def _header(stamp_ns: int) -> Any:
-    types = jazzy_types().types
-    seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
-    return types["std_msgs/msg/Header"](
-        stamp=types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=nanoseconds), frame_id=FRAME_ID
-    )
 
 
 def _aria(module: str) -> Any:

@@ -1,18 +1,25 @@
-"""A world that is not ours: soft bodies in MuJoCo, handled by scripted hands, with any effect planted."""
+"""A world that is not ours: soft bodies in MuJoCo, handled by scripted hands, with any effect injected."""
 
-from egophys_core.rehearsal.live import RehearsalWorld
+from typing import TYPE_CHECKING
+
+from egophys_core.on_demand import names_on_demand
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
-from egophys_core.rehearsal.planting import PLANTS, Plant, complete_effects, planted_sizes
-from egophys_core.rehearsal.world import rehearse
+
+if TYPE_CHECKING:
+    from egophys_core.rehearsal.injection import INJECTABLE, InjectableEffect, complete_effects, injected_sizes
+    from egophys_core.rehearsal.live import RehearsalWorld
+    from egophys_core.rehearsal.world import rehearse
 
 __all__ = [
-    "PLANTS",
+    "INJECTABLE",
+    "InjectableEffect",
     "Motion",
-    "Plant",
     "RehearsalObject",
     "RehearsalOptions",
     "RehearsalWorld",
     "complete_effects",
-    "planted_sizes",
+    "injected_sizes",
     "rehearse",
 ]
+
+__getattr__ = names_on_demand(__name__, "injection", "live", "world")

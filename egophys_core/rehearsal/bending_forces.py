@@ -1,10 +1,11 @@
-"""Planted damping of bending: moments at the hinges between neighbouring triangles of the surface."""
+"""Injected damping of bending: moments at the hinges between neighbouring triangles of the surface."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
+from egophys_core.errors import OptionsError
 from egophys_core.rehearsal.bodies import SoftBody
 from egophys_core.rehearsal.state import ForceTerm, StepState
 
@@ -19,10 +20,17 @@ ITERATIONS = 8
 
 
 def bending_damping(values: Mapping[str, float], body: SoftBody) -> ForceTerm:
-    """Moment -time k (rate of the angle) of a discrete shell (Grinspun et al. 2003).
+    """Moment -(factor - 1) t k (rate of the angle) of a discrete shell (Grinspun et al. 2003).
 
-    k = D e^2 / (A1 + A2), with which a grid of right triangles bends as the plate of stiffness D does.
+    k = D e^2 / (A1 + A2), with which a grid of right triangles bends as the plate of stiffness D does; t is the time
+    by which the material's own damping, 1 of the factor, follows its stiffness.
+
+    Raises:
+        OptionsError: a factor below 1: the engine's own damping cannot be taken away.
     """
+    if values["factor"] < 1.0:
+        raise OptionsError(f"bending_damping: factor must be 1 or more, got {values['factor']}")
+    time = (values["factor"] - 1.0) * body.damping
     hinges = _hinges(body.surface)
     i, j, k, m = hinges.T
     thickness = body.thickness if body.is_sheet else SKIN_THICKNESS
@@ -30,7 +38,7 @@ def bending_damping(values: Mapping[str, float], body: SoftBody) -> ForceTerm:
     places = body.vertices
     edge = places[j] - places[i]
     doubled = [np.linalg.norm(np.cross(edge, places[tip] - places[i]), axis=1) for tip in (k, m)]
-    damping = values["time"] * 2.0 * stiffness * np.sum(edge**2, axis=1) / (doubled[0] + doubled[1])
+    damping = time * 2.0 * stiffness * np.sum(edge**2, axis=1) / (doubled[0] + doubled[1])
     columns = 3 * hinges[:, :, None] + np.arange(3)
     rows = np.broadcast_to(np.arange(len(hinges))[:, None, None], columns.shape)
     matrix: csr_array | None = None

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, Delaunay
 
+from egophys_core.geometry import farthest_first
 from egophys_core.rehearsal.options import RehearsalObject, RehearsalOptions
 
 SKIN = 0.005
@@ -179,9 +180,5 @@ def _spread_points(triangles: np.ndarray, count: int, random: np.random.Generato
     chosen = random.choice(len(triangles), 10 * count, p=areas / areas.sum())
     weights = random.dirichlet((1.0, 1.0, 1.0), 10 * count)
     places = np.einsum("nk,nkd->nd", weights, triangles[chosen])
-    taken = [0]
-    distance = np.linalg.norm(places - places[0], axis=1)
-    for _ in range(count - 1):
-        taken.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(places - places[taken[-1]], axis=1))
+    taken = farthest_first(places, count, first=0)
     return chosen[taken], weights[taken]

@@ -1,4 +1,4 @@
-"""Planted material laws: extra tensions along the edges of the mesh, some with a memory."""
+"""Injected material laws: extra tensions along the edges of the mesh, some with a memory."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from egophys_core.errors import OptionsError
 from egophys_core.rehearsal.bodies import SoftBody
 from egophys_core.rehearsal.state import ForceTerm, StepState
 
@@ -28,6 +29,18 @@ class Edges:
     """[E, 3] unit vectors, unstrained."""
     stretch_stiffness: np.ndarray
     """[E] N: EA, Young's modulus times an edge's share of the volume over its length."""
+    dimensions: int
+    """In which the edges point: 2 of a sheet, 3 of a solid."""
+
+    def mean_cosine(self, power: int) -> float:
+        """Mean over all directions of an even power of the cosine with one of them.
+
+        Edges of stiffness EA, pulled along one direction by a strain e that each takes up as e cos^2, resist as
+        E e mean_cosine(4) would. Parameters are over the material's modulus E, so laws of edges are over this.
+        """
+        if self.dimensions == 3:
+            return 1.0 / (power + 1.0)
+        return float(np.prod([(odd - 1.0) / odd for odd in range(2, power + 1, 2)]))
 
 
 Law = Callable[[np.ndarray, float], np.ndarray]
@@ -57,6 +70,7 @@ def make_edges(body: SoftBody, ends: np.ndarray) -> Edges:
         lengths=lengths,
         directions=spans / lengths[:, None],
         stretch_stiffness=body.young * share / lengths,
+        dimensions=2 if body.is_sheet else 3,
     )
 
 
@@ -78,33 +92,57 @@ def edge_tensions(edges: Edges, laws: list[Law], vertices: int) -> ForceTerm:
 
 
 def strain_stiffening(values: Mapping[str, float], edges: Edges) -> Law:
-    """The cubic term of a stress-strain curve."""
-    return lambda strains, duration: values["beta"] * strains**3
+    """The cubic term of a stress-strain curve, in tension and in compression."""
+    coefficient = values["coefficient"] / edges.mean_cosine(8)
+    return lambda strains, duration: coefficient * strains**3
 
 
 def tension_compression_asymmetry(values: Mapping[str, float], edges: Edges) -> Law:
-    """Stiffer in tension than in compression."""
-    return lambda strains, duration: values["ratio"] * np.maximum(strains, 0.0)
+    """Edges that act in compression only, or, where compression shall be softer, in tension only.
+
+    The material is then stiffer than without in tension, and `change` is relative to that.
+
+    Raises:
+        OptionsError: nothing would resist compression.
+    """
+    change = values["change"]
+    if change <= -1.0:
+        raise OptionsError(f"tension_compression_asymmetry: change must be above -1, got {change}")
+    share = edges.mean_cosine(4)
+    if change >= 0.0:
+        return lambda strains, duration: change / share * np.minimum(strains, 0.0)
+    return lambda strains, duration: -change / (1.0 + change) / share * np.maximum(strains, 0.0)
 
 
 def anisotropy(values: Mapping[str, float], edges: Edges) -> Law:
-    """Fibres in one horizontal direction."""
-    fibre = np.array([np.cos(values["angle"]), np.sin(values["angle"]), 0.0])
-    share = values["ratio"] * (edges.directions @ fibre) ** 4
+    """Fibres in one horizontal direction, which is the stiffest: tensions of ratio EA strain cos^4 of the angle to it.
+
+    They make the modulus E (1 + ratio (a + b cos 2 angle)) but for a small cos 4 angle, angle from the fibres: its mean
+    and swing come from those of cos^4(t) cos^4(t - angle) over all directions t.
+
+    Raises:
+        OptionsError: more than fibres can do.
+    """
+    a, b = (9.0 / 64.0, 1.0 / 8.0) if edges.dimensions == 2 else (2.0 / 35.0, 16.0 / 315.0)
+    swing, angle = np.hypot(values["cosine"], values["sine"]), 0.5 * np.arctan2(values["sine"], values["cosine"])
+    if a * swing >= b:
+        raise OptionsError(f"anisotropy: cosine and sine must be smaller than {b / a:.2f} together, got {swing:.2f}")
+    fibre = np.array([np.cos(angle), np.sin(angle), 0.0])
+    share = swing / (b - a * swing) * (edges.directions @ fibre) ** 4
     return lambda strains, duration: share * strains
 
 
 def viscoelasticity(values: Mapping[str, float], edges: Edges) -> Law:
     """A spring and a dashpot in series, integrated exactly over a step of constant strain rate (Maxwell)."""
+    ratio = values["ratio"] / edges.mean_cosine(4)
     tension = np.zeros(len(edges.lengths))
-    last: np.ndarray | None = None
+    changes = _changes()
 
     def law(strains: np.ndarray, duration: float) -> np.ndarray:
-        nonlocal tension, last
-        change = strains - last if last is not None else np.zeros_like(strains)
-        last = strains
-        decay = np.exp(-duration / values["tau"])
-        tension = decay * tension + values["ratio"] * change * (1.0 - decay) * values["tau"] / duration
+        nonlocal tension
+        change = changes(strains)
+        decay = np.exp(-duration / values["time"])
+        tension = decay * tension + ratio * change * (1.0 - decay) * values["time"] / duration
         return tension
 
     return law
@@ -112,17 +150,29 @@ def viscoelasticity(values: Mapping[str, float], edges: Edges) -> Law:
 
 def hysteresis(values: Mapping[str, float], edges: Edges) -> Law:
     """Bouc-Wen with n = 1 and beta = gamma = 1/2 (Wen 1976): |z| stays within 1."""
+    strength = values["strength"] / edges.mean_cosine(4)
     z = np.zeros(len(edges.lengths))
-    last: np.ndarray | None = None
+    changes = _changes()
 
     def law(strains: np.ndarray, duration: float) -> np.ndarray:
-        nonlocal z, last
-        change = strains - last if last is not None else np.zeros_like(strains)
-        last = strains
-        z = np.clip(z + (1.0 - np.abs(z) * 0.5 * (np.sign(z * change) + 1.0)) * change / values["w"], -1.0, 1.0)
-        return values["ratio"] * values["w"] * z
+        nonlocal z
+        change = changes(strains)
+        z = np.clip(z + (1.0 - np.abs(z) * 0.5 * (np.sign(z * change) + 1.0)) * change / values["strain"], -1.0, 1.0)
+        return strength * values["strain"] * z
 
     return law
+
+
+def _changes() -> Callable[[np.ndarray], np.ndarray]:
+    """What tells how strains [E] have changed since it was last asked; not at all at first."""
+    last: np.ndarray | None = None
+
+    def change(strains: np.ndarray) -> np.ndarray:
+        nonlocal last
+        before, last = strains if last is None else last, strains
+        return strains - before
+
+    return change
 
 
 def plasticity(values: Mapping[str, float], edges: Edges, rest_lengths: np.ndarray) -> ForceTerm:
@@ -132,7 +182,7 @@ def plasticity(values: Mapping[str, float], edges: Edges, rest_lengths: np.ndarr
         lengths = np.linalg.norm(state.positions[edges.ends[:, 1]] - state.positions[edges.ends[:, 0]], axis=1)
         strains = lengths / rest_lengths - 1.0
         excess = np.sign(strains) * np.maximum(np.abs(strains) - values["yield_strain"], 0.0)
-        flowed = rest_lengths * (1.0 + excess * state.duration / values["tau"])
+        flowed = rest_lengths * (1.0 + excess * state.duration * values["flow"])
         rest_lengths[:] = np.clip(
             flowed, (1.0 - LARGEST_PLASTIC_STRAIN) * edges.lengths, (1.0 + LARGEST_PLASTIC_STRAIN) * edges.lengths
         )

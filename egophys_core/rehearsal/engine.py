@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from egophys_core.constants import GRAVITY
 from egophys_core.errors import EgophysError, SimulationError
 from egophys_core.rehearsal.bodies import SKIN, SoftBody
 
@@ -16,9 +17,6 @@ SETTLING_DAMPING = 20.0
 
 HAND_RADIUS = 0.03
 """Metres, of the ball that presses."""
-
-GRAVITY = 9.81
-"""m/s^2."""
 
 
 def load_mujoco() -> ModuleType:
@@ -124,7 +122,7 @@ class FlexEngine:
         # MuJoCo answers a state that is not finite by a reset, which turns the clock back.
         if self._data.time <= time:
             raise SimulationError(
-                f"the rehearsed body diverged at t={time:.3f} s; plant a smaller effect, or another object seed"
+                f"the rehearsed body diverged at t={time:.3f} s; inject a smaller effect, or another object seed"
             )
 
 

@@ -1,4 +1,4 @@
-"""Planted forces that act through space: drag, body forces, attraction, a tether."""
+"""Injected forces that act through space: drag, body forces, attraction, a tether."""
 
 from collections.abc import Mapping
 
@@ -15,7 +15,7 @@ def quadratic_drag(values: Mapping[str, float]) -> ForceTerm:
 
     def add(state: StepState, forces: np.ndarray) -> None:
         speeds = np.linalg.norm(state.velocities, axis=1)
-        forces -= (values["c_per_kg"] * state.masses * speeds)[:, None] * state.velocities
+        forces -= (values["coefficient"] * state.masses * speeds)[:, None] * state.velocities
 
     return add
 
@@ -31,13 +31,14 @@ def constant_body_force(values: Mapping[str, float]) -> ForceTerm:
 
 
 def time_varying_body_force(values: Mapping[str, float]) -> ForceTerm:
-    """F = m a sin(2 pi f (t - onset)), nothing before the onset."""
+    """F = m a cos(2 pi f (t - onset) - phase) while it lasts."""
     acceleration = _acceleration(values)
 
     def add(state: StepState, forces: np.ndarray) -> None:
         since = state.time - values["onset"]
-        if since > 0.0:
-            forces += np.sin(2.0 * np.pi * values["frequency"] * since) * state.masses[:, None] * acceleration
+        if 0.0 < since < values["duration"]:
+            swing = np.cos(2.0 * np.pi * values["frequency"] * since - values["phase"])
+            forces += swing * state.masses[:, None] * acceleration
 
     return add
 
@@ -48,16 +49,19 @@ def point_attraction(values: Mapping[str, float]) -> ForceTerm:
 
     def add(state: StepState, forces: np.ndarray) -> None:
         away = (point - state.positions) / values["range"]
-        well = values["strength"] * np.exp(-0.5 * np.sum(away**2, axis=1))
+        well = values["strength"] * np.exp(0.5 - 0.5 * np.sum(away**2, axis=1))
         forces += (state.masses * well)[:, None] * away
 
     return add
 
 
 def hidden_tether(values: Mapping[str, float], resting: np.ndarray) -> ForceTerm:
-    """A slack thread from a place on the resting body `resting` [V, 3] to an anchor."""
-    place = np.array([values["px"], values["py"], values["pz"]])
-    anchor = np.array([values["ax"], values["ay"], values["az"]])
+    """A slack thread from a place on the resting body `resting` [V, 3] to an anchor beside it, at its height.
+
+    The stiffness is over the body's mass.
+    """
+    place = np.array([values["x"], values["y"], values["z"]])
+    anchor = place + np.array([values["anchor_x"], values["anchor_y"], 0.0])
     distances = np.linalg.norm(resting - place, axis=1)
     tied = np.flatnonzero(distances <= max(TETHER_PATCH, distances.min()))
 
@@ -65,11 +69,11 @@ def hidden_tether(values: Mapping[str, float], resting: np.ndarray) -> ForceTerm
         to_anchor = anchor - state.positions[tied].mean(axis=0)
         distance = float(np.linalg.norm(to_anchor))
         if distance > max(values["length"], 1e-6):
-            pull = values["stiffness"] * (distance - values["length"])
+            pull = values["stiffness"] * state.masses.sum() * (distance - values["length"])
             forces[tied] += pull * to_anchor / distance / len(tied)
 
     return add
 
 
 def _acceleration(values: Mapping[str, float]) -> np.ndarray:
-    return np.array([values["ax"], values["ay"], values["az"]])
+    return np.array([values["x"], values["y"], values["z"]])

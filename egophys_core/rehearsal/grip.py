@@ -2,12 +2,13 @@
 
 import numpy as np
 
+from egophys_core.constants import GRAVITY
 from egophys_core.rehearsal.engine import HAND_RADIUS
 
 FREQUENCY = 400.0
 """rad/s of a held vertex on its tie; far above the motion of the body and within what the step can follow."""
 
-REACH = HAND_RADIUS
+GRIP_RADIUS = HAND_RADIUS
 """Metres from a hand's centre within which a vertex is held."""
 
 FEWEST_HELD = 4
@@ -24,8 +25,8 @@ class Grip:
         """Hold the vertices at `positions` [V, 3] that are in reach of `hands` [H, 3]; one too far away holds none."""
         distances = np.linalg.norm(positions[:, None] - hands, axis=2)
         order = np.sort(distances, axis=0)[FEWEST_HELD - 1]
-        reach = np.where(order < 2.0 * REACH, np.maximum(order, REACH), 0.0)
-        held = (distances <= reach) & (distances == distances.min(axis=1, keepdims=True))
+        radius = np.where(order < 2.0 * GRIP_RADIUS, np.maximum(order, GRIP_RADIUS), 0.0)
+        held = (distances <= radius) & (distances == distances.min(axis=1, keepdims=True))
         self.vertices, self._hand = np.nonzero(held)
         """[A] what is held, and by which hand."""
         self._offsets = positions[self.vertices] - hands[self._hand]
@@ -41,7 +42,7 @@ class Grip:
         masses: np.ndarray,
         hands: np.ndarray,
         duration: float,
-        slip: float,
+        slip: np.ndarray | None,
     ) -> None:
         """Add the forces of the ties, N, to `forces` [V, 3].
 
@@ -52,7 +53,8 @@ class Grip:
             masses: [V] kg.
             hands: [H, 3] metres, now.
             duration: seconds since the last call.
-            slip: m/s at which what is held slides through each hand, to where it pulls.
+            slip: [3] m/s at which what is held slides through each hand: as it is where that pulls straight down, else
+                -z of it along the pull.
         """
         hand_velocities = (hands - self._last_hands) / duration
         self._last_hands = hands
@@ -60,9 +62,10 @@ class Grip:
         speed = hand_velocities[self._hand] - velocities[self.vertices]
         ties = masses[self.vertices, None] * (FREQUENCY**2 * stretch + 2.0 * FREQUENCY * speed)
         np.add.at(forces, self.vertices, ties)
-        if slip > 0.0:
+        if slip is not None:
             pulls = np.zeros((self._count, 3))
             np.add.at(pulls, self._hand, -masses[self.vertices, None] * FREQUENCY**2 * stretch)
             sizes = np.linalg.norm(pulls, axis=1, keepdims=True)
-            strong = sizes > FAINT_PULL * 9.81 * masses.sum()
-            self._offsets += duration * slip * np.where(strong, pulls / np.maximum(sizes, 1e-9), 0.0)[self._hand]
+            strong = sizes > FAINT_PULL * GRAVITY * masses.sum()
+            slides = -slip[2] * pulls / np.maximum(sizes, 1e-9) + (slip[0], slip[1], 0.0)
+            self._offsets += duration * np.where(strong, slides, 0.0)[self._hand]

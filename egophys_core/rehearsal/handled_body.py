@@ -1,23 +1,24 @@
-"""A soft body on a table, with whatever is planted, and hands that the caller moves."""
+"""A soft body on a table, with whatever effects are injected, and hands that the caller moves."""
 
 from collections.abc import Mapping
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from egophys_core.constants import GRAVITY
 from egophys_core.rehearsal.bodies import SoftBody
-from egophys_core.rehearsal.engine import AIR_DAMPING, GRAVITY, SETTLING_DAMPING, FlexEngine
+from egophys_core.rehearsal.engine import AIR_DAMPING, SETTLING_DAMPING, FlexEngine
 from egophys_core.rehearsal.grip import Grip
 from egophys_core.rehearsal.hands import HandsAt
-from egophys_core.rehearsal.planted_forces import FRICTIONS, MATERIAL, planted_terms
-from egophys_core.rehearsal.planting import Effects, complete_effects
+from egophys_core.rehearsal.injected_forces import FRICTIONS, MATERIAL, injected_terms
+from egophys_core.rehearsal.injection import Effects, complete_effects
 from egophys_core.rehearsal.state import StepState
 
 STEP = 0.0004
 """Seconds a step; the elastic forces are explicit and would diverge from about 0.0008 on."""
 
 FINE_STEP = 0.0002
-"""Seconds a step when planted forces stiffen the body."""
+"""Seconds a step when injected forces stiffen the body."""
 
 SETTLING = 0.6
 """Seconds that the body has to come to rest before time zero."""
@@ -29,11 +30,11 @@ class HandledBody:
     def __init__(
         self, body: SoftBody, effects: Mapping[str, Mapping[str, float]], *, pressing: int = 0, folding: bool = False
     ) -> None:
-        """Plant the effects and let the body come to rest.
+        """Inject the effects and let the body come to rest.
 
         Args:
             body: what lies on the table.
-            effects: what is planted, with its parameters.
+            effects: what is injected, with its parameters.
             pressing: how many hands press as balls; these never grip.
             folding: whether a sheet's layers touch each other, which takes two to four times as long.
 
@@ -56,7 +57,7 @@ class HandledBody:
             self._engine.set_masses(lumped(body.vertices, self._engine.masses, self.effects["uneven_mass"]))
         self._masses = self._engine.masses.copy()
         self._needs_pressures = bool(self.effects.keys() & FRICTIONS.keys())
-        self._terms = planted_terms(self.effects, body, self._engine)
+        self._terms = injected_terms(self.effects, body, self._engine)
         self._settle()
 
     @property
@@ -75,7 +76,7 @@ class HandledBody:
         return self.effects.get("control_delay", {"delay": 0.0})["delay"]
 
     def true_hands(self, recorded: HandsAt) -> HandsAt:
-        """Where hands truly are whose record is `recorded`: late, and beside it, where that is planted."""
+        """Where hands truly are whose record is `recorded`: late, and beside it, where that is injected."""
         delay = self.delay
         beside = self.effects.get("gripper_offset", {"x": 0.0, "y": 0.0, "z": 0.0})
         offset = np.array([beside["x"], beside["y"], beside["z"]])
@@ -116,7 +117,6 @@ class HandledBody:
         for term in self._terms:
             term(state, engine.forces)
         if self._grip is not None:
-            slip = self.effects.get("grasp_slip", {"rate": 0.0, "onset": np.inf})
             self._grip.add_forces(
                 engine.forces,
                 positions=state.positions,
@@ -124,13 +124,20 @@ class HandledBody:
                 masses=self._masses,
                 hands=hands,
                 duration=self._step_s,
-                slip=slip["rate"] if self.time >= slip["onset"] else 0.0,
+                slip=self._slip(),
             )
         if self._pressing:
             before = hands if self._last_hands is None else self._last_hands
             engine.place_balls(hands, (hands - before) / self._step_s)
             self._last_hands = hands
         engine.step()
+
+    def _slip(self) -> np.ndarray | None:
+        """[3] m/s at which what is held slides through the hands now, if it does."""
+        slip = self.effects.get("grasp_slip")
+        if slip is None or self.time < slip["onset"]:
+            return None
+        return np.array([slip["x"], slip["y"], slip["z"]])
 
     def _settle(self) -> None:
         """Come to rest, time running up to zero."""
@@ -145,15 +152,20 @@ class HandledBody:
 
 
 def gravity_with(effects: Effects) -> np.ndarray:
-    """[3] m/s^2, as planted effects change it."""
-    size = GRAVITY * effects.get("gravity_scale", {"factor": 1.0})["factor"]
-    tilt = effects.get("gravity_tilt", {"tilt_x": 0.0, "tilt_y": 0.0})
-    turn = Rotation.from_euler("xy", [tilt["tilt_x"], tilt["tilt_y"]])
+    """[3] m/s^2, as injected effects change it."""
+    size = GRAVITY * effects.get("gravity_scale", {"scale": 1.0})["scale"]
+    tilt = effects.get("gravity_tilt", {"about_x": 0.0, "about_y": 0.0})
+    turn = Rotation.from_rotvec([tilt["about_x"], tilt["about_y"], 0.0])
     return np.asarray(turn.apply([0.0, 0.0, -size]))
 
 
 def lumped(resting: np.ndarray, masses: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-    """Masses [V] with a share of their sum more around a place; at the nearest vertex if none is within the radius."""
-    distances = np.linalg.norm(resting - np.array([values["x"], values["y"], values["z"]]), axis=1)
-    lump = distances <= max(values["radius"], distances.min())
+    """Masses [V] with a lump of a share of their sum more, about a place relative to the centre of the resting body.
+
+    An even ball whose standard deviation along an axis is the radius; the nearest vertex where that is in none. The
+    body becomes heavier by it: a twin, of which motion tells forces per mass only, has softer springs instead.
+    """
+    centre = (resting.min(axis=0) + resting.max(axis=0)) / 2.0
+    distances = np.linalg.norm(resting - centre - (values["x"], values["y"], values["z"]), axis=1)
+    lump = distances <= max(np.sqrt(5.0) * values["radius"], distances.min())
     return masses + lump * (values["fraction"] * masses.sum() / lump.sum())

@@ -107,15 +107,15 @@ def _moves(
             ]
         case Motion.PULL | Motion.DOUBLE_PULL:
             pull = some(0.1)
-            way = np.array([1.0, 0.15, 0.0]) if motion is Motion.PULL else np.array([0.2, -1.0, 0.0])
-            turn = np.array([-way[1], way[0], 0.0])
+            along = np.array([1.0, 0.15, 0.0]) if motion is Motion.PULL else np.array([0.2, -1.0, 0.0])
+            aside = np.array([-along[1], along[0], 0.0])
             lift = np.array([0.0, 0.0, some(0.012)])
             return [
-                (1.2, tuple(pull * way + lift)),
-                (0.8, tuple(0.35 * pull * way + 0.3 * pull * turn + lift)),
-                (0.7, tuple(1.1 * pull * way + lift)),
-                (1.0, tuple(0.8 * pull * way - 0.4 * pull * turn + 2.0 * lift)),
-                (1.1, tuple(1.2 * pull * way + 0.2 * pull * turn + lift)),
+                (1.2, tuple(pull * along + lift)),
+                (0.8, tuple(0.35 * pull * along + 0.3 * pull * aside + lift)),
+                (0.7, tuple(1.1 * pull * along + lift)),
+                (1.0, tuple(0.8 * pull * along - 0.4 * pull * aside + 2.0 * lift)),
+                (1.1, tuple(1.2 * pull * along + 0.2 * pull * aside + lift)),
             ]
         case Motion.FOLD:
             across = 0.8 * size[1] if is_sheet else 0.0

@@ -5,14 +5,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from egophys_core.errors import SimulationError
+from egophys_core.interpolation import values_at
 from egophys_core.rehearsal.bodies import make_body
 from egophys_core.rehearsal.handled_body import HandledBody
+from egophys_core.rehearsal.injection import complete_effects
 from egophys_core.rehearsal.observation import observe
 from egophys_core.rehearsal.options import RehearsalOptions
-from egophys_core.rehearsal.planting import complete_effects
 
 LONGEST_DELAY = 2.0
-"""Seconds of the tool's past that are kept for a planted delay."""
+"""Seconds of the tool's past that are kept for an injected delay."""
 
 
 class RehearsalWorld:
@@ -31,7 +32,7 @@ class RehearsalWorld:
         Args:
             options: the object and how it is observed; its duration and rate do not matter here.
             seed: of noise and dropouts.
-            effects: what is planted, by name; parameters not given have their small size.
+            effects: what is injected, by name; parameters not given have their small size.
             object_seed: of the object.
 
         Raises:
@@ -94,4 +95,4 @@ class RehearsalWorld:
 
     def _centre_at(self, time: float) -> np.ndarray:
         """[1, 3] metres, the recorded tool at a time."""
-        return np.array([[np.interp(time, self._times, axis) for axis in np.transpose(self._centres)]])
+        return values_at(self._times, self._centres, time)[None]

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from egophys_core.rehearsal.injection import Effects
 from egophys_core.rehearsal.options import RehearsalOptions
-from egophys_core.rehearsal.planting import Effects
 
 CAMERA = np.array([-0.35, 0.35, 0.6])
 """Metres: where the head with the camera is."""
@@ -31,7 +31,7 @@ def observe(
         points: [N, 3] metres, where the tracked points truly are.
         hands: [C, 3] metres, the points of the hands, which hide what is behind them.
         options: how well it is seen.
-        effects: what is planted; here a tracker that is off.
+        effects: what is injected; here a tracker that is off.
         random: of dropouts and noise.
 
     Returns:
@@ -45,7 +45,7 @@ def observe(
 
 
 def mistracked(points: np.ndarray, effects: Effects) -> np.ndarray:
-    """Points [N, 3] in the frame of a tracker that is off as planted."""
+    """Points [N, 3] in the frame of a tracker that is off as injected."""
     if "tracking_scale" in effects:
         points = effects["tracking_scale"]["scale"] * points
     points = in_tracking_frame(points, effects)
@@ -55,10 +55,10 @@ def mistracked(points: np.ndarray, effects: Effects) -> np.ndarray:
 
 
 def in_tracking_frame(points: np.ndarray, effects: Effects) -> np.ndarray:
-    """Points [N, 3], of the object or of hands, as a tracker whose frame is turned as planted records them."""
+    """Points [N, 3], of the object or of hands, as a tracker whose frame is turned as injected records them."""
     if "tracking_rotation" not in effects:
         return points
-    turn = Rotation.from_rotvec([effects["tracking_rotation"][axis] for axis in ("rx", "ry", "rz")])
+    turn = Rotation.from_rotvec([*(effects["tracking_rotation"][axis] for axis in ("about_x", "about_y")), 0.0])
     return np.asarray(turn.apply(points))
 
 

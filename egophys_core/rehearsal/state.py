@@ -1,4 +1,4 @@
-"""What a planted force sees of the body in one step."""
+"""What an injected force sees of the body in one step."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Planted forces where the body touches the table: adhesion, and friction that depends on place or speed."""
+"""Injected forces where the body touches the table: adhesion, and friction that depends on place or speed."""
 
 from collections.abc import Callable, Mapping
 
@@ -12,22 +12,24 @@ BRISTLE_FREQUENCY = 300.0
 
 
 def table_adhesion(values: Mapping[str, float], areas: np.ndarray) -> ForceTerm:
-    """A cohesive zone, strongest at height h = range: F = -area stress (h / range) exp(1 - h / range).
+    """A cohesive zone, strongest at height h = reach: F = -area stress (h / reach) exp(1 - h / reach).
 
+    The stress is such that a body whose whole surface is at that height is pulled with `strength` times its mass.
     Source: Xu and Needleman 1993.
     """
+    shares = areas / areas.sum()
 
     def add(state: StepState, forces: np.ndarray) -> None:
-        height = np.maximum(state.positions[:, 2] - SKIN, 0.0) / values["range"]
-        forces[:, 2] -= areas * values["stress"] * height * np.exp(1.0 - height)
+        height = np.maximum(state.positions[:, 2] - SKIN, 0.0) / values["reach"]
+        forces[:, 2] -= values["strength"] * state.masses.sum() * shares * height * np.exp(1.0 - height)
 
     return add
 
 
 def place_dependent_friction(values: Mapping[str, float], friction: float) -> ForceTerm:
     """The friction that one side of a patch has more than the other; the engine has that of the slippery side."""
-    centre, factor = np.array([values["x"], values["y"]]), values["factor"]
-    inside, outside = friction * max(factor - 1.0, 0.0), friction * max(1.0 - factor, 0.0)
+    centre, change = np.array([values["x"], values["y"]]), values["change"]
+    inside, outside = friction * max(change, 0.0), friction * max(-change, 0.0)
 
     def coefficients(state: StepState) -> np.ndarray:
         near = np.linalg.norm(state.positions[:, :2] - centre, axis=1) <= values["radius"]

@@ -29,7 +29,7 @@ def rehearse(
         options: the object and how it is observed.
         motion: what the hands do.
         seed: of the motion's details, noise and dropouts.
-        effects: what is planted, by name; parameters not given have their small size.
+        effects: what is injected, by name; parameters not given have their small size.
         object_seed: of the object: size, mass, stiffness, friction, tracked points.
         report: told the share done, 0..1.
 

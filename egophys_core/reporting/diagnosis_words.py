@@ -114,9 +114,9 @@ def _count(names: Sequence[str]) -> str:
 def _gain(errors: TrackErrors) -> str:
     if errors.before is None or errors.after is None:
         return "Without it or with it, the simulation does not stay stable to the end."
-    way = "falls" if errors.after < errors.before else "goes"
+    verb = "falls" if errors.after < errors.before else "goes"
     return (
-        f"With it, the error {errors.whose} {way} from {millimetres(errors.before)} to {millimetres(errors.after)} mm."
+        f"With it, the error {errors.whose} {verb} from {millimetres(errors.before)} to {millimetres(errors.after)} mm."
     )
 
 

@@ -1,12 +1,13 @@
-"""Sections of the report that hold the evidence: what each effect gains, and where the residual lives."""
+"""What the report says of the evidence: what each effect gains, and where the residual lives."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from egophys_core.reporting.diagnosis_words import figures, finite, millimetres
-from egophys_core.reporting.html_page import Markup, element, picture, table
+from egophys_core.reporting.html_page import Picture, Table, bold
 from egophys_core.reporting.marks import AFTER, BEFORE, QUIET, Scale, bar
 from egophys_core.reporting.residual_figure import draw_residual
 
@@ -14,7 +15,7 @@ SHORT_BAR = 0.12
 """How far bars of negative gain may reach to the left, over the largest gain; longer ones are cut."""
 
 
-def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> list[Markup]:
+def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> dict[str, Any]:
     """What every effect of the library gains, against what is gained without any.
 
     Args:
@@ -36,11 +37,11 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> list[
             band=(0.0, mismatch_gain),
         )
         return [
-            element("b", name) if name in named else name,
+            bold(name) if name in named else name,
             Markup(mark),
             figures(gain),
             figures(each["p_null"]),
-            figures(each["proof_gain"]),
+            figures(each["validation_gain"]),
         ]
 
     details = [
@@ -51,30 +52,20 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> list[
         ]
         for each in candidates
     ]
-    return [
-        element("h2", "Evidence for each effect of the library"),
-        element(
-            "p",
-            "Bars: how much better the twin with the effect explains data it was not fitted to (gain in "
-            "log-likelihood); bars of loss are cut short. Grey ground: what a twin's own mismatch gains without an "
-            f"effect, {figures(mismatch_gain)} at most. p: share of sham effects, shifted in time, that gain as much; "
-            "an effect needs 0.05 or less. In the others: gain in the episodes that took no part in the fit.",
-            class_="quiet",
-        ),
-        table(
-            ("effect", "held-out gain", "gain", "p", "in the others"),
-            [row(each) for each in candidates],
+    return {
+        "mismatch_gain": figures(mismatch_gain),
+        "table": Table(
+            header=("effect", "held-out gain", "gain", "p", "validation"),
+            rows=[row(each) for each in candidates],
             kinds=("", "wide", "", "", ""),
         ),
-        element(
-            "details",
-            element("summary", "Fitted gain and parameters of each"),
-            table(("effect", "fitted gain", "parameters, SI units"), details, kinds=("", "", "text")),
+        "details": Table(
+            header=("effect", "fitted gain", "parameters, SI units"), rows=details, kinds=("", "", "text")
         ),
-    ]
+    }
 
 
-def where_it_lives(where: Mapping[str, Any], rest: np.ndarray, field: np.ndarray) -> list[Markup]:
+def where_it_lives(where: Mapping[str, Any], rest: np.ndarray, field: np.ndarray) -> dict[str, Any]:
     """On which part of the object, when and in what motion the twin is off.
 
     Args:
@@ -89,27 +80,14 @@ def where_it_lives(where: Mapping[str, Any], rest: np.ndarray, field: np.ndarray
         [name, Markup(bar(size, scale, colour=BEFORE)) if finite(size) else "", millimetres(size)]
         for name, size in sizes.items()
     ]
-    parts = [
-        element("h2", "Where the residual lives"),
-        element(
-            "p",
-            "The residual before any effect: measured minus predicted, by a twin that is kept near what was measured.",
-            class_="quiet",
-        ),
-        picture(
-            draw_residual(rest, field),
-            caption="Mean residual on the object",
-            says="The object at rest from above and from the side, coloured by the size of the residual, with arrows",
-        ),
-        table(("where", "residual", "mm"), rows, kinds=("", "wide", "")),
-    ]
-    worst = ", ".join(f"{name} at {figures(time)} s" for name, time in where["worst_time_s"].items())
-    if worst:
-        parts.append(element("p", f"It is largest in {worst}."))
-    if where["law"]:
-        parts.append(
-            element(
-                "p", "The best simple force law, whatever its cause (acceleration): ", element("code", where["law"])
-            )
-        )
-    return parts
+    picture = Picture(
+        png=draw_residual(rest, field),
+        caption="Mean residual on the object",
+        says="The object at rest from above and from the side, coloured by the size of the residual, with arrows",
+    )
+    return {
+        "picture": picture,
+        "table": Table(header=("where", "residual", "mm"), rows=rows, kinds=("", "wide", "")),
+        "worst": ", ".join(f"{name} at {figures(time)} s" for name, time in where["worst_time_s"].items()),
+        "law": where["law"],
+    }

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import yaml
-from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import RobotError
 from egophys_core.files import write_atomically
+from egophys_core.geometry import rigid_fit
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.yaml_mapping import check_keys, load_mapping, number_array
 
@@ -90,16 +90,15 @@ def fit_world_to_base(world_points: np.ndarray, base_points: np.ndarray) -> FitR
         raise RobotError(f"calibration needs two lists [N, 3] with N >= 3, got {world.shape} and {base.shape}")
     if not (np.isfinite(world).all() and np.isfinite(base).all()):
         raise RobotError("calibration points must be finite; remove the pair with NaN or infinity")
-    world_centre, base_centre = world.mean(axis=0), base.mean(axis=0)
-    for label, centred in (("world", world - world_centre), ("base", base - base_centre)):
-        spread = np.linalg.svd(centred, compute_uv=False)[1] / np.sqrt(len(world))
+    for label, points in (("world", world), ("base", base)):
+        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(world))
         if spread < SMALLEST_TRIANGLE_M:
             raise RobotError(
                 f"the {label} points lie within {spread * 1000:.1f} mm of one line, so the rotation about it "
                 f"is unknown; touch points that span at least {SMALLEST_TRIANGLE_M * 1000:.0f} mm"
             )
-    rotation = Rotation.align_vectors(base - base_centre, world - world_centre)[0].as_matrix()
-    world_to_base = Transform(rotation=rotation, translation=base_centre - rotation @ world_centre)
+    rotation, translation = rigid_fit(world, base)
+    world_to_base = Transform(rotation=rotation, translation=translation)
     residuals = np.linalg.norm(world_to_base.apply(world) - base, axis=1)
     return FitReport(world_to_base=world_to_base, residuals=residuals)
 

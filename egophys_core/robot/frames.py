@@ -89,11 +89,6 @@ class Transform:
         """Points [..., 3] in metres, moved."""
         return np.asarray(points, dtype=np.float64) @ self.rotation.T + self.translation
 
-    def apply_to_poses(self, positions: np.ndarray, quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions [N, 3] in metres and quaternions [N, 4] x y z w, both moved."""
-        turned = Rotation.from_matrix(self.rotation) * Rotation.from_quat(quaternions)
-        return self.apply(positions), turned.as_quat()
-
 
 def rpy_from_quaternions(quaternions: np.ndarray) -> np.ndarray:
     """Roll, pitch, yaw [..., 3] in radians (fixed axes x, y, z) of quaternions [..., 4] x y z w.

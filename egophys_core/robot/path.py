@@ -1,8 +1,9 @@
 """Where the tool should be at a time: along a plan, or on the way to its first waypoint."""
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
+from egophys_core.interpolation import PosesOverTime
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.limits import MotionLimits
 from egophys_core.waypoint_plan import WaypointPlan
@@ -19,7 +20,7 @@ class PlannedPath:
 
     def __init__(self, plan: WaypointPlan) -> None:
         self._plan = plan
-        self._slerp = Slerp(plan.times, Rotation.from_quat(plan.quaternions)) if len(plan.times) > 1 else None
+        self._poses = PosesOverTime(plan.times, plan.positions, Rotation.from_quat(plan.quaternions))
 
     @property
     def duration(self) -> float:
@@ -28,11 +29,8 @@ class PlannedPath:
 
     def pose_at(self, time: float) -> Transform:
         """Tool pose at a time in seconds; the first or last waypoint's outside the plan."""
-        plan = self._plan
-        time = float(np.clip(time, plan.times[0], plan.times[-1]))
-        position = np.array([np.interp(time, plan.times, plan.positions[:, axis]) for axis in range(3)])
-        quaternion = plan.quaternions[0] if self._slerp is None else self._slerp(time).as_quat()
-        return Transform.from_quaternion(position, quaternion)
+        position, rotation = self._poses.at(time)
+        return Transform(rotation=rotation.as_matrix(), translation=position)
 
     def opening_at(self, time: float) -> float:
         """Gripper opening in metres: that of the last waypoint passed."""
@@ -48,9 +46,9 @@ class StraightMove:
 
     def __init__(self, start: Transform, goal: Transform, limits: MotionLimits) -> None:
         self._start = start
-        self._way = goal.translation - start.translation
+        self._displacement = goal.translation - start.translation
         self._turn = Rotation.from_matrix(start.rotation.T @ goal.rotation).as_rotvec()
-        length, angle = float(np.linalg.norm(self._way)), float(np.linalg.norm(self._turn))
+        length, angle = float(np.linalg.norm(self._displacement)), float(np.linalg.norm(self._turn))
         self.duration = max(
             PEAK_SPEED * length / limits.max_speed_m_s,
             PEAK_SPEED * angle / limits.max_angular_speed_rad_s,
@@ -64,5 +62,5 @@ class StraightMove:
         share = tau**3 * (10 - 15 * tau + 6 * tau**2)
         return Transform(
             rotation=self._start.rotation @ Rotation.from_rotvec(share * self._turn).as_matrix(),
-            translation=self._start.translation + share * self._way,
+            translation=self._start.translation + share * self._displacement,
         )

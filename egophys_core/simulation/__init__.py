@@ -7,7 +7,6 @@ from egophys_core.simulation.effect_gradients import effect_gradients
 from egophys_core.simulation.frames import into_world
 from egophys_core.simulation.model_batch import batch_of_models, spring_order
 from egophys_core.simulation.rollout import Rollout, rollout
-from egophys_core.simulation.terms.rod_bending import longest_retardation
 
 __all__ = [
     "LANES",
@@ -20,7 +19,6 @@ __all__ = [
     "batch_of_models",
     "effect_gradients",
     "into_world",
-    "longest_retardation",
     "rollout",
     "spring_order",
 ]

@@ -8,13 +8,14 @@ import numpy as np
 from egophys_core.effects import effect_named
 from egophys_core.effects.effect import Body, Effect
 from egophys_core.errors import SimulationError
+from egophys_core.kinds import kind_of, node_masses, resting_height
 from egophys_core.simulation.batch import BatchEffect, Rods, RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.frames import into_world, into_world_directions
 from egophys_core.simulation.terms.effects import LAW_NUMBERS
 from egophys_core.simulation.terms.rod_bending import rod_bending
 from egophys_core.simulation.terms.springs import UNLIMITED
-from egophys_core.twin import ObjectKind, ObjectModel, SpringKind, resting_height
+from egophys_core.twin import ObjectModel, SpringKind
 
 Precision = type[np.float32] | type[np.float64]
 """Of a batch's arrays."""
@@ -40,9 +41,10 @@ def batch_of_models(
         dtype: of the arrays; np.float64 for differences of batches, which are not simulated themselves.
     """
     first = models[0]
-    nodes = len(first.graph.positions)
+    nodes, kind = len(first.graph.positions), kind_of(first)
     for model in models:
-        if len(model.graph.positions) != nodes or model.kind != first.kind:
+        kind.require_graph(model.graph)
+        if len(model.graph.positions) != nodes or kind_of(model) is not kind:
             raise SimulationError("a batch needs models of one object: the same kind and number of nodes")
     positions = [model.graph.positions for model in models] if starts is None else list(starts)
     at_rest = np.zeros((nodes, 3))
@@ -89,7 +91,7 @@ def batch_of_models(
         controls=tuple(_driven(model, each, dtype) for model, each in zip(models, controls, strict=True)),
         effects=_in_every_substep(models, bodies, dtype),
         rods=_bending(models, masses, np.stack(positions), controls),
-        flat=first.kind == ObjectKind.SHEET,
+        flat=kind.lies_flat,
         ground_height=ground_height,
         frames=frames,
     )
@@ -121,7 +123,7 @@ def _bending(
     models: Sequence[ObjectModel], masses: np.ndarray, starts: np.ndarray, controls: Sequence[Controls]
 ) -> Rods | None:
     """What rods of masses [K, N] kg that begin at starts [K, N, 3], metres, resist besides being stretched."""
-    if models[0].kind != ObjectKind.ROD:
+    if not kind_of(models[0]).is_line:
         return None
     lengths = np.stack([model.graph.rest_lengths for model in models])
     far_clamps = [_holds(each, start[-1]) for each, start in zip(controls, starts, strict=True)]
@@ -154,7 +156,7 @@ def _body(model: ObjectModel, start: np.ndarray, controls: Controls) -> Body:
     body = Body(
         positions=start.astype(np.float64),
         rest_positions=graph.positions.astype(np.float64),
-        masses=model.node_masses.astype(np.float64),
+        masses=node_masses(model).astype(np.float64),
         springs=graph.springs,
         bending=graph.kinds == SpringKind.BENDING,
         stiffness=model.stiffness.astype(np.float64),
@@ -176,7 +178,7 @@ def _frame(model: ObjectModel) -> np.ndarray:
     if turned:
         frame[:3, :3] = turned[0]
         rest = model.graph.positions.astype(np.float64)
-        rise = resting_height(model.kind, rest) - resting_height(model.kind, into_world(rest, frame))
+        rise = resting_height(model, rest) - resting_height(model, into_world(rest, frame))
         frame[:3, 3] = -rise * frame[:3, 2]
     return frame
 

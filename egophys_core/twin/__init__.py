@@ -2,14 +2,13 @@
 
 from egophys_core.twin.directions import level_axes
 from egophys_core.twin.graph import SpringGraph, SpringKind, bridge_components, connect, connected_components
-from egophys_core.twin.model import ObjectKind, ObjectModel, chain, per_kind, resting_height
+from egophys_core.twin.model import ObjectModel, chain, per_kind
 from egophys_core.twin.parameters import GRAVITY, PhysicalParameters
 from egophys_core.twin.storage import decode_twin, encode_twin, load_twin, save_twin
 from egophys_core.twin.twin import Provenance, Twin
 
 __all__ = [
     "GRAVITY",
-    "ObjectKind",
     "ObjectModel",
     "PhysicalParameters",
     "Provenance",
@@ -25,6 +24,5 @@ __all__ = [
     "level_axes",
     "load_twin",
     "per_kind",
-    "resting_height",
     "save_twin",
 ]

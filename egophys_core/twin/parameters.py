@@ -5,10 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from egophys_core.constants import GRAVITY
 from egophys_core.errors import TwinError
-
-GRAVITY = 9.81
-"""Standard gravity to the accuracy that matters here, m/s^2."""
 
 NATURAL_BEND = ("natural_bend_level", "natural_bend_up")
 """Parameters of a rod, which alone may be negative."""

@@ -45,19 +45,22 @@ def stiffness_matrix(positions: np.ndarray, springs: np.ndarray, stiffness: np.n
     return coo_matrix(entries, shape=(size, size)).tocsc()
 
 
-def without_sag(model: ObjectModel) -> ObjectModel:
+def without_sag(model: ObjectModel, masses: np.ndarray) -> ObjectModel:
     """The model with springs that carry its weight where it lies: it was seen under gravity, and would sag once more.
 
     The elongations e of the linear problem K u = f, with f the weight and the foot held, are those that carry it; rest
     lengths are what is seen less e (Hsu et al., "A general two-stage initialization for sag-free deformable
     simulations", ACM Transactions on Graphics 41(4), 2022, for springs of given stiffness).
+
+    Args:
+        masses: [N] kg, of its nodes.
     """
     graph, positions = model.graph, model.graph.positions.astype(np.float64)
     along, lengths = _directions(positions, graph.springs)
     low = positions[:, 2] - positions[:, 2].min()
     foot = low <= max(FOOT * float(np.median(lengths)), float(np.sort(low)[min(FEWEST_OF_FOOT, len(low)) - 1]))
     weight = np.zeros_like(positions)
-    weight[:, 2] = -model.parameters.gravity * model.node_masses
+    weight[:, 2] = -model.parameters.gravity * masses
     matrix = stiffness_matrix(positions, graph.springs, model.stiffness.astype(np.float64))
     free = np.repeat(~foot, 3)
     moved = np.zeros_like(positions)

@@ -12,7 +12,7 @@ from egophys_core.effects import TwinEffect, effect_named
 from egophys_core.errors import TwinError
 from egophys_core.files import write_atomically
 from egophys_core.twin.graph import SpringGraph
-from egophys_core.twin.model import ObjectKind, ObjectModel
+from egophys_core.twin.model import ObjectModel
 from egophys_core.twin.parameters import PhysicalParameters
 from egophys_core.twin.twin import Provenance, Twin
 
@@ -52,7 +52,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
         provenance = header["provenance"]
         return Twin(
             model=ObjectModel(
-                kind=ObjectKind(header["kind"]),
+                kind=str(header["kind"]),
                 graph=SpringGraph(**arrays),
                 parameters=PhysicalParameters(**header["parameters"]),
                 stiffness=stiffness,

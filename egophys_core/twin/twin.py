@@ -64,7 +64,7 @@ class Twin:
         effects = [asdict(effect) for effect in self.model.effects]
         return {
             **({"effects": effects} if effects else {}),
-            "kind": str(self.model.kind),
+            "kind": self.model.kind,
             "parameters": asdict(self.model.parameters),
             "ground_height": self.ground_height,
             "provenance": asdict(self.provenance),

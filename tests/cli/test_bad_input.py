@@ -128,7 +128,7 @@ def test_targets_that_are_none(egophys, twin_file, episode_bag, tmp_path):
 
 
 def test_missing_folder_for_the_plan_is_found_before_planning(egophys, twin_file, episode_bag, tmp_path, monkeypatch):
-    monkeypatch.setattr("egophys_core.cli.plan.plan_to_target", lambda *_, **__: pytest.fail("planned"))
+    monkeypatch.setattr("egophys_core.planning.plan_to_target", lambda *_, **__: pytest.fail("planned"))
     out = tmp_path / "nowhere" / "plan.json"
     refused(egophys("plan", twin_file, "--target", episode_bag, "--out", out, *FAST_PLAN), "nowhere")
 
@@ -184,7 +184,7 @@ def test_stop_by_the_user_is_no_error_and_writes_nothing(egophys, episode_bag, t
     def stopped(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("egophys_core.cli.build.build_twin", stopped)
+    monkeypatch.setattr("egophys_core.identification.build", stopped)
     code, out, err = egophys("build", episode_bag, "--out", tmp_path / "t.twin")
     assert (code, out) == (130, "")
     assert "stopped" in err

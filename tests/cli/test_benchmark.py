@@ -230,6 +230,11 @@ def test_bag_without_measured_points_is_found_before_the_work(egophys, perceptio
     assert os.listdir(tmp_path) == ["video"]
 
 
+def test_help_names_the_topics_that_are_compared(egophys):
+    shown = " ".join(egophys("benchmark", "--help")[1].split())
+    assert all(topic in shown for topic in ("/object/points", TRUE_POSE_TOPIC, TRUE_MASK_TOPIC))
+
+
 def test_other_benchmarks_are_not_known(egophys, bag):
     code, _, err = egophys("benchmark", "speed", bag)
     assert code == 2

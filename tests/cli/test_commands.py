@@ -1,19 +1,26 @@
 """The story from a shell: build, evaluate, look, simulate, plan."""
 
+import inspect
 import json
 import os
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import egophys_core.cli
 from egophys_core import __version__
+from egophys_core.cli import import_vrs as import_vrs_command
+from egophys_core.cli import replay as replay_command
 from egophys_core.cli.main import SUBCOMMANDS
-from egophys_core.identification import FitOptions, build_twin, coarse
+from egophys_core.identification import FitOptions, build, coarse
 from egophys_core.recording import read_episode
+from egophys_core.recording.vrs import import_vrs
+from egophys_core.replay import replay_log
 from egophys_core.twin import encode_twin, load_twin, save_twin
 from tests.cli.conftest import FAST_FIT, FAST_PLAN
 
@@ -24,20 +31,62 @@ METRICS = {
 }
 
 
-@pytest.mark.parametrize("name", [module.NAME for module in SUBCOMMANDS])
+@pytest.mark.parametrize("name", SUBCOMMANDS)
 def test_every_subcommand_explains_itself(egophys, name):
     code, out, err = egophys(name, "--help")
     assert (code, err) == (0, "")
-    module = next(each for each in SUBCOMMANDS if name == each.NAME)
-    assert module.HELP in " ".join(out.split())
+    assert SUBCOMMANDS[name] in " ".join(out.split())
     assert out.startswith(f"usage: egophys {name}")
+
+
+def test_every_module_of_a_subcommand_is_listed():
+    folder = Path(egophys_core.cli.__file__).parent
+    commands = {path.stem for path in folder.glob("*.py") if "\ndef run(" in path.read_text()}
+    assert commands == {name.replace("-", "_") for name in SUBCOMMANDS}
 
 
 def test_command_explains_itself_and_tells_its_version(egophys):
     code, out, _ = egophys("--help")
     assert code == 0
-    assert all(module.NAME in out for module in SUBCOMMANDS)
+    assert all(name in out for name in SUBCOMMANDS)
     assert egophys("--version")[:2] == (0, f"egophys {__version__}\n")
+
+
+def test_a_misspelt_subcommand_suggests_the_nearest(egophys):
+    code, out, err = egophys("diagnoze", "towel.twin")
+    assert (code, out) == (2, "")
+    assert "no subcommand is called 'diagnoze'; did you mean 'diagnose'?" in err
+    assert "there are board, import-vrs" in egophys("xyzzy")[2]
+
+
+def test_no_subcommand_is_an_error(egophys):
+    code, out, err = egophys()
+    assert (code, out) == (2, "")
+    assert "COMMAND" in err
+
+
+@pytest.mark.parametrize("name", ["", *SUBCOMMANDS])
+def test_help_loads_nothing_slow(name):
+    slow = ("numpy", "scipy", "warp", "cv2", "matplotlib", "torch", "mujoco")
+    program = (
+        "import sys\nfrom egophys_core.cli.main import main\n"
+        "try:\n    main(sys.argv[1:])\nexcept SystemExit:\n    pass\n"
+        f"print([name for name in {slow} if name in sys.modules])"
+    )
+    arguments = [name, "--help"] if name else ["--help"]
+    done = subprocess.run(
+        [sys.executable, "-c", program, *arguments], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_defaults_that_help_shows_are_those_of_the_library():
+    def default(function, name):
+        return inspect.signature(function).parameters[name].default
+
+    assert default(import_vrs, "camera") == import_vrs_command.CAMERA_LABEL
+    assert default(replay_log, "twin_node") == replay_command.TWIN_NODE
+    assert default(replay_log, "planner_node") == replay_command.PLANNER_NODE
 
 
 def test_help_of_options_shows_range_and_default(egophys):
@@ -53,7 +102,7 @@ def test_every_option_has_a_description(egophys, name):
 
 def test_built_twin_is_that_of_the_library(twin_file, episode_bag):
     options = FitOptions(generations=2, population=4, frame_stride=6, dense_steps=1)
-    assert twin_file.read_bytes() == encode_twin(build_twin([read_episode(episode_bag)], options, seed=0))
+    assert twin_file.read_bytes() == encode_twin(build([read_episode(episode_bag)], options, seed=0))
 
 
 def test_build_tells_scores_of_twin_and_baselines(egophys_json, episode_bag, tmp_path):

@@ -8,11 +8,10 @@ import pytest
 
 from egophys_core.cli import diagnose as command
 from egophys_core.diagnosis.diagnose import Finding
-from egophys_core.diagnosis.diagnosis import Outcome
 from egophys_core.errors import EgophysError, OptionsError, OutputError, RecordingError, TwinError
 from egophys_core.recording import write_episode
 from egophys_core.twin import load_twin, save_twin
-from tests.diagnosis.findings import make_diagnosis, make_evidence
+from tests.diagnosis.findings import make_diagnosis, make_evidence, make_nothing_found
 from tests.identification.synthetic import sheet_episode
 from tests.twin.examples import make_twin
 
@@ -30,17 +29,16 @@ def asked(monkeypatch) -> list[dict]:
 
     def answer(twin, episodes, options, **more):
         calls.append({"twin": twin, "episodes": episodes, "options": options, **more})
-        changes = {} if more["seed"] else {"outcome": Outcome.NONE, "effects": ()}
         more["progress"]("probe", 0.5)
         return Finding(
-            diagnosis=make_diagnosis(**changes),
+            diagnosis=make_diagnosis() if more["seed"] else make_nothing_found(),
             twin=make_twin(),
             before=make_twin().model,
             evidence=make_evidence(),
             searches=(),
         )
 
-    monkeypatch.setattr(command, "diagnose", answer)
+    monkeypatch.setattr("egophys_core.diagnosis.diagnose.diagnose", answer)
     return calls
 
 
@@ -74,7 +72,15 @@ def test_a_finding_is_summed_up_and_saved(asked, twin, bag, tmp_path, capsys):
 
 def test_no_effect_is_exit_code_0(asked, twin, bag, tmp_path, capsys):
     assert run(twin, bag, "--out", tmp_path / "found") == 0
-    assert capsys.readouterr().out.startswith("none: No effect found")
+    out = capsys.readouterr().out
+    assert out.startswith("none: No effect found")
+    assert out.count("nearest miss: ") == 2
+    missed = "held-out gain by slopes: 4.1, needs at least 8.33 for a refit"
+    for part in (
+        f"decided: No candidate passes all criteria. Decided by quadratic_drag: {missed}",
+        f"bending_damping: {missed}",
+    ):
+        assert part in " ".join(out.split())
 
 
 def test_json_is_the_content_of_the_file(asked, twin, bag, tmp_path, capsys):
@@ -100,5 +106,5 @@ def test_bad_input_is_refused_before_the_diagnosis(asked, twin, bag, tmp_path):
     assert "no.mcap" in refused(RecordingError, tmp_path, twin, bag, "--report-on", tmp_path / "no.mcap", *out)
     assert "it is a file" in refused(OutputError, tmp_path, twin, bag, "--out", tmp_path / "file")
     assert "did you mean quadratic_drag?" in refused(TwinError, tmp_path, twin, bag, *out, "--without", "quadratic_drg")
-    assert "shams must be in" in refused(OptionsError, tmp_path, twin, bag, *out, "--shams", "1")
+    assert "surrogates must be in" in refused(OptionsError, tmp_path, twin, bag, *out, "--surrogates", "1")
     assert asked == []

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 
+from egophys_core import rehearsal
 from egophys_core.cli import rehearse as command
 from egophys_core.errors import OptionsError, OutputError, SimulationError
 from egophys_core.recording import read_episode
@@ -21,12 +22,12 @@ def run(*arguments: object) -> int:
 
 def test_an_episode_a_motion_and_the_truth(tmp_path, capsys):
     out = tmp_path / "drag"
-    effect = ("--effect", "quadratic_drag", "--parameter", "c_per_kg=13")
+    effect = ("--effect", "quadratic_drag", "--parameter", "coefficient=13")
     assert run("--out", out, "--motions", "lift", "push", *effect, "--seed", 4, *SHORT, "--json") == 0
     truth = json.loads((out / "truth.json").read_text())
     assert json.loads(capsys.readouterr().out) == {"folder": str(out), **truth}
     assert sorted(each.name for each in out.iterdir()) == ["episode_0", "episode_1", "truth.json"]
-    assert truth["effects"][0]["parameters"] == {"c_per_kg": {"value": 13.0, "unit": "1/m"}}
+    assert truth["effects"][0]["parameters"] == {"coefficient": {"value": 13.0, "unit": "1/m"}}
     assert [(each["motion"], each["seed"]) for each in truth["episodes"]] == [("lift", 4), ("push", 5)]
     episodes = [read_episode(out / each["folder"]) for each in truth["episodes"]]
     assert [each.frames for each in episodes] == [6, 6]
@@ -44,10 +45,10 @@ def test_no_effect_is_the_default(tmp_path, capsys):
     ("arguments", "message"),
     [
         (("--effect", "quadratic_drga"), "did you mean 'quadratic_drag'"),
-        (("--effect", "grasp_slip", "--parameter", "rat=1"), "did you mean 'rate'"),
-        (("--effect", "grasp_slip", "--parameter", "rate=fast"), "'fast' is no number"),
-        (("--parameter", "rate=1"), "give EFFECT.NAME=VALUE with an effect of --effect, which are none"),
-        (("--effect", "grasp_slip", "gravity_scale", "--parameter", "rate=1"), "which are grasp_slip, gravity_scale"),
+        (("--effect", "grasp_slip", "--parameter", "onse=1"), "did you mean 'onset'"),
+        (("--effect", "grasp_slip", "--parameter", "z=fast"), "'fast' is no number"),
+        (("--parameter", "z=1"), "give EFFECT.NAME=VALUE with an effect of --effect, which are none"),
+        (("--effect", "grasp_slip", "gravity_scale", "--parameter", "z=1"), "which are grasp_slip, gravity_scale"),
         (("--noise-m", "2"), "noise_m must be in 0 .. 0.05"),
     ],
 )
@@ -66,14 +67,14 @@ def test_what_is_there_is_not_overwritten(tmp_path):
 
 
 def test_a_failure_on_the_way_leaves_nothing(tmp_path, monkeypatch):
-    rehearse = command.rehearse_episode
+    rehearse = rehearsal.rehearse
 
     def fail_second(options, motion, **rest):
         if motion == "pull":
             raise SimulationError("diverged")
         return rehearse(options, motion, **rest)
 
-    monkeypatch.setattr(command, "rehearse_episode", fail_second)
+    monkeypatch.setattr(rehearsal, "rehearse", fail_second)
     with pytest.raises(SimulationError):
         run("--out", tmp_path / "x", "--motions", "lift", "pull", *SHORT)
     assert not list(tmp_path.iterdir())

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.identification.marker_unknowns import marker_model
+from egophys_core.kinds.kind import MarkerBody
+from egophys_core.kinds.lattice import lattice_model
 from egophys_core.kinds.template import parse_template
-from egophys_core.observation.markers import MarkerBody, marker_body, place_markers
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel, Provenance, Twin
+from tests.kinds.seen_markers import marker_body, place_markers
 
 HELD = np.array([[-0.005, -0.01, 0.5], [-0.005, 0.01, 0.5], [0.015, 0.0, 0.5]]) - [0.0017, 0.0, 0.0]
 TRACKS = np.array([[0.095, -0.008, 0.504], [0.095, 0.008, 0.504], [0.092, 0.0, 0.492]])
@@ -35,7 +36,7 @@ def body_and_model() -> tuple[MarkerBody, ObjectModel]:
     """The cantilever, straight, and its true numbers."""
     body = marker_body(still_episode(), parse_template(TEMPLATE))
     stiffness = RATE * DENSITY * body.spacing**3
-    return body, marker_model(body, density=DENSITY, stiffness=stiffness, damping=1e-9, drag=DRAG)
+    return body, lattice_model(body, density=DENSITY, stiffness=stiffness, damping=1e-9, drag=DRAG)
 
 
 def swinging(body: MarkerBody, model: ObjectModel, *, load: float = 0.0, frames: int = FRAMES) -> Episode:

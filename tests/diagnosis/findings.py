@@ -4,16 +4,51 @@ from typing import Any
 
 import numpy as np
 
+from egophys_core.diagnosis.criterion import Direction, compare, not_asked
 from egophys_core.diagnosis.diagnosis import (
     Candidate,
+    Decision,
     Diagnosis,
-    EpisodeError,
     Estimate,
     Evidence,
     NamedEffect,
+    NearestMiss,
     Outcome,
+    PredictionErrors,
     Where,
 )
+
+MISSED = compare("worth_a_refit", "held-out gain by slopes:", 4.1, Direction.AT_LEAST, 8.33, because=" for a refit")
+"""A criterion that was failed."""
+
+
+def make_decision(**changes: Any) -> Decision:
+    """Drag passes."""
+    fields: dict[str, Any] = {
+        "rule": "named",
+        "sentence": "One candidate passes all criteria.",
+        "candidate": "quadratic_drag",
+        "criterion": compare("held_out_gain", "gain on left-out data", 406.0, Direction.AT_LEAST, 50.0),
+        "beside": (),
+        "nearest_misses": (),
+    }
+    return Decision(**{**fields, **changes})
+
+
+def make_nothing_found() -> Diagnosis:
+    """No effect, and what came nearest."""
+    misses = (
+        NearestMiss(candidate="quadratic_drag", failed=(MISSED,)),
+        NearestMiss(candidate="bending_damping", failed=(MISSED, MISSED)),
+    )
+    decision = make_decision(
+        rule="no_candidate_passes",
+        sentence="No candidate passes all criteria.",
+        candidate="quadratic_drag",
+        criterion=MISSED,
+        nearest_misses=misses,
+    )
+    return make_diagnosis(outcome=Outcome.NONE, effects=(), decisions=(decision,))
 
 
 def make_diagnosis(**changes: Any) -> Diagnosis:
@@ -33,18 +68,24 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
                 held_out_gain=406.0,
                 p_null=0.005,
                 fitted_gain=450.0,
-                proof_gain=55.0,
+                validation_gain=55.0,
                 values={"coefficient": 3.8},
+                criteria=(
+                    compare("held_out_gain", "gain on left-out data", 406.0, Direction.AT_LEAST, 50.0),
+                    not_asked("every_episode", "least gain of an episode: asked beside a named effect only"),
+                ),
             ),
             Candidate(
                 name="bending_damping",
                 held_out_gain=-900.0,
                 p_null=0.4,
                 fitted_gain=4.0,
-                proof_gain=None,
+                validation_gain=None,
                 values={"factor": 1.2},
+                criteria=(MISSED,),
             ),
         ),
+        "decisions": (make_decision(),),
         "experiment": None,
         "where": Where(
             size_m=0.0062,
@@ -62,10 +103,12 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
     return Diagnosis(**{**fields, **changes})
 
 
-def episode_error(episode: str, *, fitted: bool = False, before: float = 0.012, after: float = 0.005) -> EpisodeError:
+def episode_error(
+    episode: str, *, fitted: bool = False, before: float = 0.012, after: float = 0.005
+) -> PredictionErrors:
     """An error that the effect makes smaller; 1 mm less in what was fitted."""
     less = 0.001 if fitted else 0.0
-    return EpisodeError(
+    return PredictionErrors(
         episode=episode,
         track_before_m=before - less,
         track_after_m=after - less,
@@ -77,7 +120,7 @@ def episode_error(episode: str, *, fitted: bool = False, before: float = 0.012, 
 
 
 def make_evidence(names: tuple[str, ...] = ("lift", "pull", "swing"), points: int = 40) -> Evidence:
-    """Errors that rise after a quiet second, and a sheet that sags."""
+    """Errors that rise after a quiet second, and a sheet that droops."""
     times = np.linspace(0.0, 4.0, 60)
     rising = np.where(times < 1.0, np.nan, 0.004 * times)
     generator = np.random.default_rng(3)

@@ -7,8 +7,9 @@ import numpy as np
 
 from egophys_core.effects import LIBRARY, Surroundings, TwinEffect
 from egophys_core.effects.effect import Body
+from egophys_core.kinds import node_masses
 from egophys_core.simulation import BatchEffect, Controls, Rollout, batch_of_models, rollout
-from egophys_core.twin import ObjectKind, ObjectModel, SpringKind, per_kind
+from egophys_core.twin import ObjectModel, SpringKind, per_kind
 from tests.simulation.scenes import FAR_BELOW, frame_times, idle_controls, scene, sheet_model, sheet_positions
 from tests.simulation.substep_path import forces_along, forces_at_start
 
@@ -31,7 +32,7 @@ def solid(**changes: Any) -> ObjectModel:
     """Three layers of a grid."""
     layers = [sheet_positions(3, height=height) + [0.002 * height, 0, 0] for height in (0.0, 0.045, 0.09)]
     positions = np.concatenate(layers).astype(np.float32)
-    return sheet_model(positions, kind=ObjectKind.SOLID, max_neighbours=10, **changes)
+    return sheet_model(positions, kind="solid", max_neighbours=10, **changes)
 
 
 def surroundings(model: ObjectModel) -> Surroundings:
@@ -139,7 +140,7 @@ def body_of(model: ObjectModel) -> Body:
     return Body(
         positions=rest,
         rest_positions=rest,
-        masses=model.node_masses.astype(np.float64),
+        masses=node_masses(model).astype(np.float64),
         springs=model.graph.springs,
         bending=model.graph.kinds == SpringKind.BENDING,
         stiffness=model.stiffness.astype(np.float64),

@@ -11,9 +11,9 @@ from egophys_core.evaluation import identify
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], float)
 
 
-def mixture(points: np.ndarray, wanted: list, reach: float = 2.0) -> np.ndarray:
+def mixture(points: np.ndarray, wanted: list, radius: float = 2.0) -> np.ndarray:
     """Where the only wanted point is at first."""
-    return identify(points, np.array([wanted], float), reach).follow(points[None])[0, 0]
+    return identify(points, np.array([wanted], float), radius).follow(points[None])[0, 0]
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def test_places_follow_a_surface_that_turns_and_stretches():
     assert moved[1] == pytest.approx(wanted @ turn.T + [1, 2, 3])
 
 
-def test_point_out_of_reach_or_unknown_is_not_identified():
+def test_point_out_of_radius_or_unknown_is_not_identified():
     wanted = np.array([[0, 0, 0.4], [0, 0, 0.6], [np.nan, 0, 0]])
     places = identify(SQUARE, wanted, 0.5)
     assert places.identified.tolist() == [True, False, False]
@@ -78,7 +78,7 @@ def test_place_is_the_nearest_also_where_the_solver_of_scipy_is_wrong(monkeypatc
 def test_bad_input_is_refused():
     with pytest.raises(EpisodeError, match="one D"):
         identify(SQUARE, SQUARE[:, :2], 1.0)
-    with pytest.raises(EpisodeError, match="reach"):
+    with pytest.raises(EpisodeError, match="radius"):
         identify(SQUARE, SQUARE, 0.0)
 
 

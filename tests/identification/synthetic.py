@@ -5,10 +5,11 @@ from functools import cache
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.identification.search_space import candidate, searched_numbers
-from egophys_core.kinds.rest_shape import RestShape
+from egophys_core.kinds import kind_named
+from egophys_core.kinds.kind import RestShape, Searched
+from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.simulation import Controls, batch_of_models, rollout
-from egophys_core.twin import ObjectKind, ObjectModel
+from egophys_core.twin import ObjectModel
 from tests.simulation.scenes import frame_times, sheet_positions
 
 FPS = 1 / 30
@@ -21,14 +22,24 @@ HEIGHT = 0.004
 def sheet_shape(side: int = 5) -> RestShape:
     """The sheet at rest."""
     positions = sheet_positions(side, SPACING, HEIGHT)
-    return RestShape(positions=positions, surface=np.ones(side * side, bool), kind=ObjectKind.SHEET, spacing=SPACING)
+    return RestShape(positions=positions, surface=np.ones(side * side, bool), kind="sheet", spacing=SPACING)
+
+
+def searched_numbers(kind: str) -> tuple[Searched, ...]:
+    """What the coarse fit searches of a kind."""
+    return surface_model(kind_named(kind)).searched
+
+
+def candidate(shape: RestShape, coordinates: np.ndarray) -> ObjectModel:
+    """The model at normalised coordinates, over a table at z = 0."""
+    return surface_model(kind_named(shape.kind)).candidate(shape, coordinates, ground_height=0.0)
 
 
 def known_model(shape: RestShape | None = None, **normalised: float) -> ObjectModel:
     """The model that the search would find at known normalised coordinates 0..1; others are those of its start."""
     shape = shape or sheet_shape()
     coordinates = [normalised.get(number.name, number.start_u) for number in searched_numbers(shape.kind)]
-    return candidate(shape, np.array(coordinates), ground_height=0.0)
+    return candidate(shape, np.array(coordinates))
 
 
 def hand_path(times: np.ndarray, *, grasp: np.ndarray, carry: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """What is wrong with observed data: one error that says what, where and what next, or a stated handling.
 
-Each case goes through `build_twin`, and as a recorded bag through the command.
+Each case goes through `build`, and as a recorded bag through the command.
 """
 
 import dataclasses
@@ -13,7 +13,7 @@ import pytest
 from egophys_core.cli.main import main
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
-from egophys_core.identification import FitOptions, KindChoice, build_twin, evaluate_twin
+from egophys_core.identification import FitOptions, build, evaluate_twin
 from egophys_core.recording import write_episode
 from egophys_core.twin import Twin, connected_components
 from tests.identification.synthetic import episode_of, sheet_episode
@@ -24,8 +24,8 @@ CORNER = 24
 """The point of the synthetic sheet that is taken hold of."""
 
 
-def build(episode: Episode, **changes: object) -> Twin:
-    return build_twin([episode], dataclasses.replace(FAST, **changes), seed=0)
+def built(episode: Episode, **changes: object) -> Twin:
+    return build([episode], dataclasses.replace(FAST, **changes), seed=0)
 
 
 def scaled(factor: float, *, points: bool = True, controllers: bool = True) -> Callable[[], Episode]:
@@ -107,7 +107,7 @@ REFUSED = {
 @pytest.mark.parametrize(("make", "text"), REFUSED.values(), ids=REFUSED)
 def test_refused_by_the_library(make, text):
     with pytest.raises(EpisodeError, match=f"^synthetic: {text}") as error:
-        build(make())
+        built(make())
     assert "\n" not in str(error.value)
 
 
@@ -135,14 +135,14 @@ def test_refused_by_the_command(make, text, tmp_path, monkeypatch, capsys):
 
 
 def test_evaluation_refuses_another_unit_and_no_controllers():
-    twin = build(sheet_episode())
+    twin = built(sheet_episode())
     for make in (scaled(100), without_controllers):
         with pytest.raises(EpisodeError, match="synthetic: "):
             evaluate_twin(twin, make())
 
 
 def test_evaluation_refuses_another_object():
-    twin = build(sheet_episode())
+    twin = built(sheet_episode())
     # A sheet three times as large.
     other = scaled(3.0)()
     with pytest.raises(EpisodeError, match=r"^synthetic: half of the points at rest lie \d+ mm or more from"):
@@ -155,7 +155,7 @@ def test_nan_is_a_point_not_seen():
     points = episode.points.copy()
     points[20:, 3, 1] = np.nan
     points[1:, 7] = np.nan
-    twin = build(episode_of(points, episode.controllers))
+    twin = built(episode_of(points, episode.controllers))
     # The object has nodes where something was seen most of the time before it was touched.
     assert len(twin.model.graph.positions) == 23
     assert np.isfinite(list(twin.provenance.scores.values())).all()
@@ -163,7 +163,7 @@ def test_nan_is_a_point_not_seen():
 
 def test_points_that_coincide_become_one_node_without_springs_of_no_length():
     episode = sheet_episode()
-    twin = build(episode_of(np.concatenate([episode.points, episode.points], axis=1), episode.controllers))
+    twin = built(episode_of(np.concatenate([episode.points, episode.points], axis=1), episode.controllers))
     graph = twin.model.graph
     assert len(graph.positions) == 25
     assert graph.rest_lengths.min() > 0.03
@@ -175,7 +175,7 @@ def test_controller_on_a_node_holds_it_by_a_spring_of_no_length():
     episode = sheet_episode()
     arrival = np.maximum(12 - np.arange(episode.frames), 0)[:, None, None] * [0.0, 0.0, 0.02]
     on_it = np.repeat(episode.points[:, [CORNER]], 2, axis=1) + arrival
-    twin = build(episode_of(episode.points, on_it))
+    twin = built(episode_of(episode.points, on_it))
     _, predicted = evaluate_twin(twin, episode_of(episode.points, on_it))
     assert np.isfinite(predicted).all()
     # The held node goes where the controller goes.
@@ -190,7 +190,7 @@ def test_object_in_two_pieces_is_joined_to_one():
     lifted = np.maximum(frames - 18, 0)[:, None, None] * [0.0, 0.0, 0.004]
     reach = np.maximum(12 - frames, 0)[:, None, None] * [0.0, 0.0, 0.02]
     controllers = np.tile(object_points[0] + [0, 0, 0.01], (45, 3, 1)) + reach + lifted
-    twin = build(episode_of(object_points + lifted, controllers), kind=KindChoice.SHEET)
+    twin = built(episode_of(object_points + lifted, controllers), kind="sheet")
     graph = twin.model.graph
     assert connected_components(len(object_points), graph.springs).max() == 0
     across = (graph.springs[:, 0] < 16) & (graph.springs[:, 1] >= 16)
@@ -201,5 +201,5 @@ def test_object_in_two_pieces_is_joined_to_one():
 def test_hand_that_stays_away_holds_nothing_while_another_does():
     episode = sheet_episode()
     both = np.concatenate([episode.controllers, episode.controllers + np.float32([0, 0, 1])], axis=1)
-    twin = build(episode_of(episode.points, both))
-    assert np.array_equal(twin.grasp, build(episode).grasp)
+    twin = built(episode_of(episode.points, both))
+    assert np.array_equal(twin.grasp, built(episode).grasp)

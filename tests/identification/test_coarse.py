@@ -13,7 +13,7 @@ import pytest
 
 from egophys_core.episode import Episode
 from egophys_core.errors import OutputError, TwinError
-from egophys_core.identification import FitOptions, build_twin, coarse
+from egophys_core.identification import FitOptions, build, coarse
 from egophys_core.identification.search_state import load_search
 from egophys_core.twin import encode_twin
 from tests.identification.synthetic import sheet_episode
@@ -22,7 +22,7 @@ OPTIONS = FitOptions(generations=4, population=6, frame_stride=6)
 SEED = 3
 
 
-def build(
+def file_of_fit(
     checkpoint: Path | None,
     *,
     generations: int = OPTIONS.generations,
@@ -42,18 +42,18 @@ def build(
 
     options = dataclasses.replace(OPTIONS, generations=generations, **changes)
     return encode_twin(
-        build_twin([episode or sheet_episode()], options, seed=seed, progress=progress, checkpoint=checkpoint)
+        build([episode or sheet_episode()], options, seed=seed, progress=progress, checkpoint=checkpoint)
     )
 
 
 def stop(checkpoint: Path, *, after: int) -> None:
     with pytest.raises(KeyboardInterrupt):
-        build(checkpoint, stop_after=after)
+        file_of_fit(checkpoint, stop_after=after)
 
 
 @pytest.fixture(scope="module")
 def never_stopped() -> bytes:
-    return build(None)
+    return file_of_fit(None)
 
 
 @pytest.fixture
@@ -89,19 +89,19 @@ def change(path: Path, changed: Callable[[dict], dict]) -> None:
 
 
 def test_keeping_the_search_changes_nothing(never_stopped, tmp_path):
-    assert build(tmp_path / "search") == never_stopped
+    assert file_of_fit(tmp_path / "search") == never_stopped
 
 
 @pytest.mark.parametrize("after", [1, 2, 3, 4])
 def test_stopped_fit_goes_on_to_the_same_twin_to_the_byte(never_stopped, tmp_path, after):
     stop(tmp_path / "search", after=after)
-    assert build(tmp_path / "search") == never_stopped
+    assert file_of_fit(tmp_path / "search") == never_stopped
 
 
 def test_fit_may_be_stopped_again_and_again(never_stopped, tmp_path):
     for after in (1, 2, 3):
         stop(tmp_path / "search", after=after)
-    assert build(tmp_path / "search") == never_stopped
+    assert file_of_fit(tmp_path / "search") == never_stopped
     assert [path.name for path in tmp_path.iterdir()] == ["search"]
 
 
@@ -111,7 +111,7 @@ def test_killed_process_leaves_a_state_to_go_on_from(never_stopped, tmp_path):
 import os, signal
 from pathlib import Path
 from egophys_core.identification import coarse
-from tests.identification.test_coarse import build
+from tests.identification.test_coarse import file_of_fit
 
 evaluate, generations = coarse.evaluate_candidates, []
 
@@ -122,40 +122,40 @@ def killed(*arguments):
     return evaluate(*arguments)
 
 coarse.evaluate_candidates = killed
-build(Path({str(tmp_path / "search")!r}))
+file_of_fit(Path({str(tmp_path / "search")!r}))
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=240, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr
-    assert build(tmp_path / "search") == never_stopped
+    assert file_of_fit(tmp_path / "search") == never_stopped
 
 
 def test_what_was_done_is_not_done_again(stopped, evaluated):
-    build(stopped)
+    file_of_fit(stopped)
     # The best candidate, to see that its loss is still the same, and the two generations that were left.
     assert evaluated == [1, 6, 6]
 
 
 def test_finished_fit_returns_at_once(never_stopped, tmp_path, evaluated):
-    build(tmp_path / "search")
+    file_of_fit(tmp_path / "search")
     content = (tmp_path / "search").read_bytes()
     evaluated.clear()
-    assert build(tmp_path / "search") == never_stopped
+    assert file_of_fit(tmp_path / "search") == never_stopped
     assert evaluated == [1]
     assert (tmp_path / "search").read_bytes() == content
 
 
 def test_finished_fit_can_have_more_generations_and_fewer(tmp_path):
-    build(tmp_path / "search")
-    assert build(tmp_path / "search", generations=6) == build(None, generations=6)
+    file_of_fit(tmp_path / "search")
+    assert file_of_fit(tmp_path / "search", generations=6) == file_of_fit(None, generations=6)
     content = (tmp_path / "search").read_bytes()
-    assert build(tmp_path / "search", generations=2) == build(None, generations=2)
+    assert file_of_fit(tmp_path / "search", generations=2) == file_of_fit(None, generations=2)
     assert (tmp_path / "search").read_bytes() == content
 
 
 def test_progress_of_a_resumed_fit_is_that_of_the_whole(stopped):
     reports: list[list[tuple[str, float, float]]] = [[], []]
     for report, checkpoint in zip(reports, (None, stopped), strict=True):
-        build_twin(
+        build(
             [sheet_episode()],
             OPTIONS,
             seed=SEED,
@@ -190,7 +190,7 @@ def test_state_of_another_fit_is_refused_with_what_differs(stopped, other, part)
     with pytest.raises(
         TwinError, match=rf"search state .*search is of another fit: {part}.*; name another file"
     ) as error:
-        build(stopped, **other)
+        file_of_fit(stopped, **other)
     assert "\n" not in str(error.value)
     assert stopped.read_bytes() == content
 
@@ -198,11 +198,11 @@ def test_state_of_another_fit_is_refused_with_what_differs(stopped, other, part)
 def test_state_of_another_version_is_refused(stopped, monkeypatch):
     change(stopped, lambda arrays: {**arrays, "header": {**arrays["header"], "format_version": 2}})
     with pytest.raises(TwinError, match="has format 2, this version reads 1"):
-        build(stopped)
+        file_of_fit(stopped)
     monkeypatch.setattr("egophys_core.identification.search_state.FORMAT_VERSION", 2)
     monkeypatch.setattr("egophys_core.identification.search_state.__version__", "99.0")
     with pytest.raises(TwinError, match=r"code version \(.* there, 99\.0 here\)"):
-        build(stopped)
+        file_of_fit(stopped)
 
 
 def test_state_that_cannot_be_repeated_is_refused(stopped):
@@ -219,16 +219,16 @@ def test_state_that_cannot_be_repeated_is_refused(stopped):
         changed[last] = np.nextafter(changed[last], 0)
         change(stopped, lambda arrays, name=name, changed=changed: {**arrays, name: changed})
         with pytest.raises(TwinError, match=f"cannot be gone on from: {part}"):
-            build(stopped)
+            file_of_fit(stopped)
 
 
 def test_damaged_state_is_refused(stopped):
     content = stopped.read_bytes()
-    damaged = [b"", b"hello", content[:200], content[:-1], content[100:], build(None)]
+    damaged = [b"", b"hello", content[:200], content[:-1], content[100:], file_of_fit(None)]
     for each in damaged:
         stopped.write_bytes(each)
         with pytest.raises(TwinError, match=r"search is not the state of a search, or it is damaged \("):
-            build(stopped)
+            file_of_fit(stopped)
 
 
 def test_changed_byte_is_noticed_or_without_effect(stopped):
@@ -251,21 +251,21 @@ def test_changed_byte_is_noticed_or_without_effect(stopped):
 
 def test_folder_in_the_place_of_the_state_is_refused(tmp_path):
     with pytest.raises(TwinError, match="is not the state of a search"):
-        build(tmp_path)
+        file_of_fit(tmp_path)
 
 
 def test_state_that_cannot_be_written_is_an_error(tmp_path):
     with pytest.raises(OutputError, match=r"cannot write search state .*nowhere/search: No such file or directory"):
-        build(tmp_path / "nowhere" / "search")
+        file_of_fit(tmp_path / "nowhere" / "search")
 
 
 def test_search_in_which_every_candidate_diverged_can_go_on(tmp_path, monkeypatch):
     monkeypatch.setattr(coarse, "evaluate_candidates", lambda _, __, population, ___: np.full(len(population), np.inf))
     with pytest.raises(TwinError, match="every candidate of the coarse fit diverged"):
-        build(tmp_path / "search", generations=2)
+        file_of_fit(tmp_path / "search", generations=2)
     monkeypatch.undo()
     # The first two generations cost nothing; what follows is what they led to.
     resumed, evaluate = [], coarse.evaluate_candidates
     monkeypatch.setattr(coarse, "evaluate_candidates", lambda *each: resumed.append(each) or evaluate(*each))
-    build(tmp_path / "search")
+    file_of_fit(tmp_path / "search")
     assert len(resumed) == 2

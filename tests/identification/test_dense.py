@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
-from egophys_core.identification import FitOptions, build_twin, dense
+from egophys_core.identification import FitOptions, build, dense
 from egophys_core.identification.adam import Adam
 from egophys_core.identification.dense import CONTACT_NAMES, DenseRefinement, fit_dense, model_at
 from egophys_core.identification.loss import loss_gradient
@@ -136,7 +136,7 @@ def test_coordinates_of_zero_are_the_start_and_others_scale_it():
 def test_build_refines_after_the_search_and_says_so():
     stages = []
     options = FitOptions(generations=2, population=8, frame_stride=4, dense_steps=2)
-    twin = build_twin(
+    twin = build(
         [make_episode(known_model())],
         options,
         seed=0,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from egophys_core.evaluation import baseline_scores
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.observation import contact_flags, find_hands
 from egophys_core.recording import EpisodeWarning, read_episode
 from egophys_core.simulation import ContactKind
@@ -67,7 +67,7 @@ def test_hands_that_push_press_and_do_not_hold(name, pushes):
 @pytest.mark.slow
 def test_fitted_towel_tracks_held_out_frames_better_than_predictions_without_physics():
     episode = recorded("open/towel_none/episode_0.mcap")
-    twin = build_twin([episode], FitOptions(generations=16, frame_stride=4, max_nodes=200), seed=0)
+    twin = build([episode], FitOptions(generations=16, frame_stride=4, max_nodes=200), seed=0)
     scores = twin.provenance.scores
     for name, baseline in baseline_scores(episode, contact_flags(episode, find_hands(episode))).items():
         assert scores["test_track_m"] < baseline.test_track_m, name

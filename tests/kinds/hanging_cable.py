@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.identification.marker_unknowns import rod_model
-from egophys_core.observation.markers import MarkerBody, marker_body, place_markers
+from egophys_core.kinds.kind import MarkerBody
+from egophys_core.kinds.rod import rod_model
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 from tests.diagnosis.cantilever import still_episode
+from tests.kinds.seen_markers import marker_body, place_markers
 
 LENGTH = 0.9
 """Metres of the whole curve."""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from egophys_core.errors import OptionsError
 from egophys_core.kinds.mesh_file import read_mesh
@@ -107,8 +108,23 @@ def test_bad_template_is_refused(text: str) -> None:
         parse_template(text)
 
 
-def test_cut_stl_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "cut.stl"
-    path.write_bytes(b"\0" * 90)
+@pytest.mark.parametrize("suffix", [".stl", ".ply"])
+def test_binary_meshes_are_read_whole_or_refused(tmp_path: Path, suffix: str) -> None:
+    corners = read_mesh(_written(tmp_path / "cube.obj", CUBE_OBJ.encode())).corners
+    vertices, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    whole = trimesh.Trimesh(vertices, faces.reshape(-1, 3)).export(file_type=suffix[1:])
+    found = read_mesh(_written(tmp_path / f"whole{suffix}", whole)).corners
+    np.testing.assert_allclose(np.sort(found.reshape(-1, 9), axis=0), np.sort(corners.reshape(-1, 9), axis=0))
     with pytest.raises(OptionsError, match="not a whole"):
-        read_mesh(path)
+        read_mesh(_written(tmp_path / f"cut{suffix}", whole[: 2 * len(whole) // 3]))
+
+
+@pytest.mark.parametrize("text", ["", "v 0 0 0\nv 1 0 0\nf 1 2 3\n"])
+def test_obj_without_its_triangles_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(OptionsError, match="not a whole"):
+        read_mesh(_written(tmp_path / "cut.obj", text.encode()))
+
+
+def _written(path: Path, content: bytes) -> Path:
+    path.write_bytes(content)
+    return path

@@ -1,4 +1,4 @@
-"""States of a body for planted forces: a few vertices, at rest unless told otherwise."""
+"""States of a body for injected forces: a few vertices, at rest unless told otherwise."""
 
 from typing import Any
 

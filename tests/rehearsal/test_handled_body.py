@@ -1,4 +1,4 @@
-"""The body in the engine: it rests, it is held, and each planted effect moves it the way it should."""
+"""The body in the engine: it rests, it is held, and each injected effect moves it the way it should."""
 
 import numpy as np
 import pytest
@@ -115,41 +115,41 @@ def test_layers_of_a_folding_sheet_do_not_pass_each_other():
 @pytest.mark.parametrize(
     ("effect", "way"),
     [
-        ({"quadratic_drag": {"c_per_kg": 60.0}}, [0.0, 0.0, -1.0]),
-        ({"constant_body_force": {"ax": 0.0, "ay": 3.0, "az": 0.0}}, [0.0, 1.0, 0.0]),
+        ({"quadratic_drag": {"coefficient": 60.0}}, [0.0, 0.0, -1.0]),
+        ({"constant_body_force": {"x": 0.0, "y": 3.0, "z": 0.0}}, [0.0, 1.0, 0.0]),
         (
-            {"time_varying_body_force": {"ax": 0.0, "ay": 6.0, "az": 0.0, "frequency": 1.0, "onset": 0.1}},
+            {"time_varying_body_force": {"x": 0.0, "y": 6.0, "z": 0.0, "frequency": 1.0, "onset": 0.1, "phase": 1.57}},
             [0.0, 1.0, 0.0],
         ),
-        ({"gravity_scale": {"factor": 0.3}}, [0.0, 0.0, 1.0]),
-        ({"gravity_tilt": {"tilt_x": 0.3, "tilt_y": 0.0}}, [0.0, 1.0, 0.0]),
+        ({"gravity_scale": {"scale": 0.3}}, [0.0, 0.0, 1.0]),
+        ({"gravity_tilt": {"about_x": 0.3, "about_y": 0.0}}, [0.0, 1.0, 0.0]),
         ({"point_attraction": {"x": 0.0, "y": 0.3, "z": 0.05, "strength": 8.0, "range": 0.2}}, [0.0, 1.0, 0.0]),
         (
             {
                 "hidden_tether": {
-                    **{"px": 0.0, "py": 0.0, "pz": 0.0, "ax": 0.0, "ay": 0.15, "az": 0.05},
-                    **{"stiffness": 8.0, "length": 0.05},
+                    **{"x": 0.0, "y": 0.0, "z": 0.05, "anchor_x": 0.0, "anchor_y": 0.15},
+                    **{"stiffness": 32.0, "length": 0.05},
                 }
             },
             [0.0, 1.0, 0.0],
         ),
         ({"gripper_offset": {"x": -0.01, "y": 0.0, "z": 0.0}}, None),
-        ({"grasp_slip": {"rate": 0.1, "onset": 0.1}}, [0.0, 0.0, -1.0]),
+        ({"grasp_slip": {"z": -0.1, "onset": 0.1}}, [0.0, 0.0, -1.0]),
         ({"control_delay": {"delay": 0.1}}, None),
-        ({"uneven_mass": {"fraction": 0.8, "x": -0.05, "y": 0.0, "z": 0.05, "radius": 0.04}}, [0.0, 0.0, -1.0]),
-        pytest.param({"strain_stiffening": {"beta": 1500.0}}, [0.0, 0.0, 1.0], marks=pytest.mark.slow),
-        pytest.param({"tension_compression_asymmetry": {"ratio": 2.5}}, [0.0, 0.0, 1.0], marks=pytest.mark.slow),
-        pytest.param({"anisotropy": {"ratio": 3.0, "angle": 0.3}}, None, marks=pytest.mark.slow),
-        pytest.param({"viscoelasticity": {"ratio": 2.0, "tau": 1.0}}, [0.0, 0.0, 1.0], marks=pytest.mark.slow),
-        pytest.param({"plasticity": {"yield_strain": 0.01, "tau": 0.2}}, [0.0, 0.0, -1.0], marks=pytest.mark.slow),
-        pytest.param({"hysteresis": {"ratio": 2.5, "w": 0.02}}, [0.0, 0.0, 1.0], marks=pytest.mark.slow),
+        ({"uneven_mass": {"fraction": 0.8, "x": -0.05, "y": 0.0, "z": 0.0, "radius": 0.018}}, [0.0, 0.0, -1.0]),
+        pytest.param({"strain_stiffening": {"coefficient": 170.0}}, [0.0, 0.0, 1.0], marks=pytest.mark.slow),
+        pytest.param({"tension_compression_asymmetry": {"change": -0.333}}, [0.0, 0.0, 1.0], marks=pytest.mark.slow),
+        pytest.param({"anisotropy": {"cosine": 0.11, "sine": 0.075}}, None, marks=pytest.mark.slow),
+        pytest.param({"viscoelasticity": {"ratio": 0.4, "time": 1.0}}, [0.0, 0.0, 1.0], marks=pytest.mark.slow),
+        pytest.param({"plasticity": {"yield_strain": 0.01, "flow": 5.0}}, [0.0, 0.0, -1.0], marks=pytest.mark.slow),
+        pytest.param({"hysteresis": {"strength": 0.5, "strain": 0.02}}, [0.0, 0.0, 1.0], marks=pytest.mark.slow),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
 def test_effects_move_a_lifted_solid(ellipsoid, effect, way):
     _, plain = ellipsoid
-    _, planted = lifted(ELLIPSOID, effect)
-    change = planted - plain
+    _, injected = lifted(ELLIPSOID, effect)
+    change = injected - plain
     assert 5e-4 < np.linalg.norm(change, axis=1).mean() < 0.15
     if way is not None:
         assert (change @ np.array(way)).mean() > 3e-4
@@ -157,30 +157,30 @@ def test_effects_move_a_lifted_solid(ellipsoid, effect, way):
 
 def test_adhesion_keeps_a_lifted_sheet_lower(sheet):
     _, plain = sheet
-    _, planted = lifted(SHEET, {"table_adhesion": {"stress": 60.0, "range": 0.004}})
-    assert (planted - plain)[:, 2].mean() < -5e-4
+    _, injected = lifted(SHEET, {"table_adhesion": {"strength": 35.0, "reach": 0.004}})
+    assert (injected - plain)[:, 2].mean() < -5e-4
 
 
 def test_bending_damping_keeps_a_lifted_sheet_from_bending(sheet):
     _, plain = sheet
-    _, planted = lifted(SHEET, {"bending_damping": {"time": 0.1}})
-    assert np.linalg.norm(planted - plain, axis=1).mean() > 5e-4
+    _, injected = lifted(SHEET, {"bending_damping": {"factor": 67.7}})
+    assert np.linalg.norm(injected - plain, axis=1).mean() > 5e-4
 
 
 @pytest.mark.parametrize(
     ("tilt", "effects", "slides"),
     [
         (0.3, {}, False),
-        (0.3, {"place_dependent_friction": {"x": 0.0, "y": 0.0, "radius": 0.3, "factor": 0.2}}, True),
-        (0.3, {"place_dependent_friction": {"x": 2.0, "y": 0.0, "radius": 0.3, "factor": 0.2}}, False),
+        (0.3, {"place_dependent_friction": {"x": 0.0, "y": 0.0, "radius": 0.3, "change": -0.8}}, True),
+        (0.3, {"place_dependent_friction": {"x": 2.0, "y": 0.0, "radius": 0.3, "change": -0.8}}, False),
         (0.6, {}, True),
-        (0.6, {"place_dependent_friction": {"x": 0.0, "y": 0.0, "radius": 0.5, "factor": 2.0}}, False),
+        (0.6, {"place_dependent_friction": {"x": 0.0, "y": 0.0, "radius": 0.5, "change": 1.0}}, False),
         (0.6, {"stribeck_friction": {"rise": 1.0, "speed": 0.05}}, False),
     ],
 )
 def test_friction_holds_up_to_its_angle(tilt, effects, slides):
-    """Friction of 0.5 holds up to atan 0.5 = 0.46 rad; planted friction changes that angle."""
-    handled = HandledBody(make_body(SHEET, 0), {"gravity_tilt": {"tilt_x": tilt, "tilt_y": 0.0}, **effects})
+    """Friction of 0.5 holds up to atan 0.5 = 0.46 rad; injected friction changes that angle."""
+    handled = HandledBody(make_body(SHEET, 0), {"gravity_tilt": {"about_x": tilt, "about_y": 0.0}, **effects})
     before = handled.points[:, 1].mean()
     handled.advance(lambda _: np.zeros((1, 3)), 0.3)
     moved = handled.points[:, 1].mean() - before
@@ -205,6 +205,6 @@ def test_a_body_that_diverges_is_one_error_and_leaves_no_file(tmp_path, monkeypa
     engine.step()
     engine.step()
     engine.forces[:] = 1e30
-    with pytest.raises(SimulationError, match=r"diverged at t=0\.001 s; plant a smaller effect"):
+    with pytest.raises(SimulationError, match=r"diverged at t=0\.001 s; inject a smaller effect"):
         engine.step()
     assert not list(tmp_path.iterdir())

@@ -1,4 +1,4 @@
-"""Planted forces at the table against their equations."""
+"""Injected forces at the table against their equations."""
 
 import numpy as np
 import pytest
@@ -16,20 +16,23 @@ def slide(term, *, speed, pressure=2.0, steps=2000):
     return force[0]
 
 
-def test_adhesion_is_strongest_at_its_range_and_gone_far_above():
-    term = table_forces.table_adhesion({"stress": 30.0, "range": 0.002}, np.array([0.01]))
-    pulls = [force_of(term, step_state([[0.0, 0.0, SKIN + h]]))[0, 2] for h in (-1e-3, 0.0, 1e-3, 2e-3, 4e-3, 0.1)]
+def test_adhesion_is_strongest_at_its_reach_and_gone_far_above():
+    term = table_forces.table_adhesion({"strength": 3.0, "reach": 0.002}, np.array([0.01]))
+    pulls = [
+        force_of(term, step_state([[0.0, 0.0, SKIN + h]], masses=[0.1]))[0, 2]
+        for h in (-1e-3, 0.0, 1e-3, 2e-3, 4e-3, 0.1)
+    ]
     assert pulls[0] == pulls[1] == 0.0
     assert pulls[3] == pytest.approx(-0.3)
     assert pulls[3] < pulls[2] < 0.0
     assert pulls[3] < pulls[4] < pulls[5] == pytest.approx(0.0)
 
 
-@pytest.mark.parametrize(("factor", "there", "elsewhere"), [(3.0, 0.8, 0.0), (0.25, 0.0, 0.3)])
-def test_friction_depends_on_place(factor, there, elsewhere):
+@pytest.mark.parametrize(("change", "there", "elsewhere"), [(2.0, 0.8, 0.0), (-0.75, 0.0, 0.3)])
+def test_friction_depends_on_place(change, there, elsewhere):
     """The engine keeps the smaller of the two frictions; what is added is the difference times the pressure."""
     for centre, extra in ((0.0, there), (5.0, elsewhere)):
-        values = {"x": centre, "y": 0.0, "radius": 1.0, "factor": factor}
+        values = {"x": centre, "y": 0.0, "radius": 1.0, "change": change}
         force = slide(table_forces.place_dependent_friction(values, 0.4), speed=0.01)
         np.testing.assert_allclose(force, [-2.0 * extra, 0.0, 0.0], atol=1e-9)
 

@@ -1,4 +1,4 @@
-"""Episodes of the rehearsal world look like a lab's, and what is planted in the tracking is in them exactly."""
+"""Episodes of the rehearsal world look like a lab's, and what is injected into the tracking is in them exactly."""
 
 import subprocess
 import sys
@@ -35,7 +35,7 @@ def test_same_seeds_same_episode():
 
 
 def test_a_size_of_nothing_changes_nothing(clear):
-    nothing = rehearse(CLEAR, Motion.LIFT, seed=0, effects={"quadratic_drag": {"c_per_kg": 0.0}})
+    nothing = rehearse(CLEAR, Motion.LIFT, seed=0, effects={"quadratic_drag": {"coefficient": 0.0}})
     np.testing.assert_array_equal(clear.points, nothing.points)
 
 
@@ -95,16 +95,17 @@ def test_grips_reach_the_object_in_every_motion_that_holds():
     ],
 )
 def test_tracking_errors_map_the_object_and_not_the_hands(clear, effect, mapping):
-    planted = rehearse(CLEAR, Motion.LIFT, seed=0, effects=effect)
-    np.testing.assert_allclose(planted.points, mapping(clear.points), atol=1e-6)
-    np.testing.assert_array_equal(planted.controllers, clear.controllers)
+    injected = rehearse(CLEAR, Motion.LIFT, seed=0, effects=effect)
+    np.testing.assert_allclose(injected.points, mapping(clear.points), atol=1e-6)
+    np.testing.assert_array_equal(injected.controllers, clear.controllers)
 
 
 def test_a_turned_tracking_frame_turns_object_and_hands(clear):
-    planted = rehearse(CLEAR, Motion.LIFT, seed=0, effects={"tracking_rotation": {"rx": 0.2, "ry": 0.0, "rz": 0.0}})
+    effects = {"tracking_rotation": {"about_x": 0.2, "about_y": 0.0}}
+    injected = rehearse(CLEAR, Motion.LIFT, seed=0, effects=effects)
     turn = Rotation.from_euler("x", 0.2).as_matrix().T
-    np.testing.assert_allclose(planted.points, clear.points @ turn, atol=1e-6)
-    np.testing.assert_allclose(planted.controllers, clear.controllers @ turn, atol=1e-6)
+    np.testing.assert_allclose(injected.points, clear.points @ turn, atol=1e-6)
+    np.testing.assert_allclose(injected.controllers, clear.controllers @ turn, atol=1e-6)
 
 
 def test_late_hands_move_the_object_later():
@@ -155,7 +156,7 @@ def test_a_tool_lifts_the_object_step_by_step():
     assert world.points[:, 2].max() < 0.05
 
 
-def test_a_tool_with_a_planted_delay_is_followed_late():
+def test_a_tool_with_an_injected_delay_is_followed_late():
     heights = []
     for effects in ({}, {"control_delay": {"delay": 0.2}}):
         world = RehearsalWorld(CLEAR, seed=0, effects=effects)

@@ -52,14 +52,6 @@ def test_the_inverse_undoes(transform, point):
     np.testing.assert_allclose(transform.inverse().apply(transform.apply(point)), point, atol=1e-9)
 
 
-@given(transforms, vectors)
-def test_poses_move_like_transforms(transform, point):
-    pose = Transform.from_rpy(point, np.array([0.3, -0.2, 1.0]))
-    positions, quaternions = transform.apply_to_poses(pose.translation[None], pose.quaternion[None])
-    np.testing.assert_allclose(positions[0], (transform @ pose).translation, atol=1e-9)
-    assert abs(quaternions[0] @ (transform @ pose).quaternion) == pytest.approx(1, abs=1e-9)
-
-
 @pytest.mark.parametrize(
     ("rotation", "translation", "reason"),
     [

@@ -3,7 +3,7 @@
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.planning import Grasp
 from egophys_core.planning.grasp import POINTING_DOWN
 from egophys_core.twin import Twin
@@ -43,7 +43,7 @@ def cloth_episode() -> Episode:
 
 def cloth_twin(episode: Episode) -> Twin:
     """The twin that a node builds with `OPTIONS_JSON` and `SEED`."""
-    return build_twin([episode], OPTIONS, seed=SEED)
+    return build([episode], OPTIONS, seed=SEED)
 
 
 def lifting_plan(grasp: Grasp, height: float, *, hold_s: float = 0.5, twin_id: str = "") -> WaypointPlan:

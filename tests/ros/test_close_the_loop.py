@@ -17,7 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from egophys_core.evaluation import two_way_chamfer
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.planning import final_shapes, grasp_from_points, rollout_plans
 from egophys_core.recording import xyz_of_message
 from egophys_core.rehearsal import Motion, RehearsalOptions, rehearse
@@ -35,26 +35,26 @@ SEEN = {"points": 150, "noise_m": 0.001, "occlusion": False}
 BOX = {"high_m": [0.15, 0.3, 0.34]}
 """The arm can reach all of it, which it cannot of the default one."""
 PLANNING = {"waypoints": 4, "samples": 8, "iterations": 8, "noise_m": 0.08, "settle_s": 1.5, **BOX}
-EFFECT = '{"constant_body_force": {"ax": 2.5, "ay": 1.5, "az": 0.0}}'
+EFFECT = '{"constant_body_force": {"x": 2.5, "y": 1.5, "z": 0.0}}'
 """m/s^2, a quarter of the object's weight to the side; what lies on the table stays where it is."""
 DIAGNOSIS = {
-    "diagnosis.base_starts": 2,
+    "diagnosis.baseline_starts": 2,
     "diagnosis.refit_iterations": 3,
-    "diagnosis.shams": 50,
+    "diagnosis.surrogates": 50,
     "diagnosis.bootstraps": 100,
 }
 
 
 @pytest.fixture(scope="module")
 def lab_twin():
-    """A twin of the object as it is without the planted effect, from a handling of it."""
+    """A twin of the object as it is without the injected effect, from a handling of it."""
     episode = rehearse(RehearsalOptions(**SEEN, duration_s=5.0), Motion.LIFT, seed=1)
-    return build_twin([episode], FitOptions(generations=8, population=8, dense_steps=3, max_nodes=150), seed=0)
+    return build([episode], FitOptions(generations=8, population=8, dense_steps=3, max_nodes=150), seed=0)
 
 
 @pytest.fixture
 def lab(start_node, client, lab_twin, tmp_path):
-    """All nodes, with an effect planted that the twin does not know; the folder of the log."""
+    """All nodes, with an effect injected that the twin does not know; the folder of the log."""
     path = tmp_path / "object.twin"
     save_twin(lab_twin, path)
     address = next(ADDRESSES)
@@ -71,8 +71,8 @@ def lab(start_node, client, lab_twin, tmp_path):
     start("egophys_twin", "twin_node", "twin.yaml", twin_path=path)
     start("egophys_planner", "mppi_planner_node", "planner.yaml")
     start("xarm_bridge", "bridge_node", "bridge.yaml", robot_ip=address, calibration_file=CALIBRATION)
-    planted = {"effects": "constant_body_force", "effect_parameters": f"'{EFFECT}'"}
-    start("egophys_rehearsal", "rehearsal_node", "rehearsal.yaml", **planted, **SEEN)
+    injected = {"effects": "constant_body_force", "effect_parameters": f"'{EFFECT}'"}
+    start("egophys_rehearsal", "rehearsal_node", "rehearsal.yaml", **injected, **SEEN)
     return tmp_path / "log"
 
 

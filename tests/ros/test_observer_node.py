@@ -221,9 +221,14 @@ def test_lifecycle(start_node, client, video):
 
 @pytest.mark.parametrize(
     ("parameter", "reason"),
-    [("image_transport:=theora", "image_transport must be one of"), ("board.rows:=1", "at least 2 columns")],
+    [
+        ("image_transport:=theora", "image_transport must be one of"),
+        ("board.rows:=1", "at least 2 columns"),
+        ("perception.stages:=learned", "stages learned needs weights"),
+        ("perception.weights:=models -p perception.stages:=learned", "go through a video several times"),
+    ],
 )
 def test_what_cannot_work_is_refused(start_node, parameter, reason):
-    node = start_node("egophys_twin", "observer_node", "--ros-args", "-p", "autostart:=true", "-p", parameter)
+    node = start_node("egophys_twin", "observer_node", "--ros-args", "-p", "autostart:=true", "-p", *parameter.split())
     assert node.wait_for_end() == 1
     assert reason in node.output

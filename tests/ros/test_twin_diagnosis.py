@@ -19,10 +19,10 @@ pytestmark = pytest.mark.ros
 
 NODE = "/twin_node"
 SMALL = {
-    "diagnosis.base_starts": 2,
+    "diagnosis.baseline_starts": 2,
     "diagnosis.refit_iterations": 1,
     "diagnosis.shortlist": 1,
-    "diagnosis.shams": 20,
+    "diagnosis.surrogates": 20,
     "diagnosis.bootstraps": 50,
 }
 WITHOUT = sorted(LIBRARY.keys() - {"quadratic_drag", "constant_body_force"})

@@ -110,7 +110,7 @@ class TestWithATwin:
             ((bag, output, '{"generation": 3}'), "unknown option 'generation'; did you mean 'generations'?"),
             ((bag, output, '{"generations": 0}'), "generations must be in 1 .. 10000, got 0"),
             ((bag, output, "generations=3"), "options_json is not JSON"),
-            ((bag, output, '{"kind": "rope"}'), "kind must be one of auto, sheet, solid"),
+            ((bag, output, '{"kind": "rope"}'), "kind must be one of auto, sheet, solid, rod, lattice"),
         ):
             answer = rebuild(client, *arguments)
             assert not answer.accepted

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.simulation import Controls, RolloutBatch
-from egophys_core.twin import ObjectKind, ObjectModel, PhysicalParameters, SpringGraph, SpringKind, connect, per_kind
+from egophys_core.twin import ObjectModel, PhysicalParameters, SpringGraph, SpringKind, connect, per_kind
 
 FAR_BELOW = -100.0
 """A table nobody reaches, metres."""
@@ -84,7 +84,7 @@ def sheet_positions(side: int = 4, spacing: float = 0.05, height: float = 0.0) -
 def sheet_model(
     positions: np.ndarray | None = None,
     *,
-    kind: ObjectKind = ObjectKind.SHEET,
+    kind: str = "sheet",
     radius: float = 0.08,
     max_neighbours: int = 8,
     **changes: Any,

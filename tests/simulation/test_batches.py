@@ -7,7 +7,6 @@ import pytest
 
 from egophys_core.errors import SimulationError
 from egophys_core.simulation import ContactKind, Controls, batch_of_models, rollout
-from egophys_core.twin import ObjectKind
 from tests.simulation.scenes import frame_times, idle_controls, moving_controls, scene, sheet_model, sheet_positions
 
 COUNT = 13
@@ -32,7 +31,7 @@ def hand_over_sheet(times: np.ndarray, index: int) -> Controls:
     return Controls(times=times, positions=path.astype(np.float32), contact=contact)
 
 
-def mixed_batch(kind: ObjectKind = ObjectKind.SHEET, *, collision_distance: float = 0.0):
+def mixed_batch(kind: str = "sheet", *, collision_distance: float = 0.0):
     """Models and controls of thirteen rollouts that differ in springs, parameters and controls."""
     times = frame_times(1.2, 1 / 30)
     positions = sheet_positions(4, height=0.004)
@@ -60,9 +59,7 @@ def mixed_batch(kind: ObjectKind = ObjectKind.SHEET, *, collision_distance: floa
     return models, [hand_over_sheet(times, index) for index in range(COUNT)]
 
 
-@pytest.mark.parametrize(
-    ("kind", "collision_distance"), [(ObjectKind.SHEET, 0.0), (ObjectKind.SHEET, 0.04), (ObjectKind.SOLID, 0.0)]
-)
+@pytest.mark.parametrize(("kind", "collision_distance"), [("sheet", 0.0), ("sheet", 0.04), ("solid", 0.0)])
 def test_rollout_is_the_same_to_the_bit_alone_and_in_a_batch(kind, collision_distance):
     models, controls = mixed_batch(kind, collision_distance=collision_distance)
     together = rollout(batch_of_models(models, controls, ground_height=0.0))
@@ -138,7 +135,7 @@ def test_models_of_different_objects_are_refused():
     with pytest.raises(SimulationError, match="same kind and number of nodes"):
         batch_of_models([sheet_model(), sheet_model(sheet_positions(3))], controls, ground_height=0.0)
     with pytest.raises(SimulationError, match="same kind and number of nodes"):
-        batch_of_models([sheet_model(), sheet_model(kind=ObjectKind.SOLID)], controls, ground_height=0.0)
+        batch_of_models([sheet_model(), sheet_model(kind="solid")], controls, ground_height=0.0)
 
 
 def test_models_whose_springs_have_other_rest_lengths_are_kept_apart():

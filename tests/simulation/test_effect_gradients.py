@@ -12,7 +12,7 @@ from egophys_core.simulation import ContactKind, Controls, RolloutBatch, batch_o
 from egophys_core.simulation.effect_gradients import effect_gradients
 from egophys_core.simulation.frames import into_record
 from egophys_core.simulation.gradients import differentiate
-from egophys_core.twin import ObjectKind, ObjectModel, SpringGraph, SpringKind
+from egophys_core.twin import ObjectModel, SpringGraph, SpringKind
 from tests.reference.effects import node_force, spring_law
 from tests.reference.simulator import simulate
 from tests.simulation.differences import linear_loss, substeps_of
@@ -74,7 +74,7 @@ def model_of(*names: str) -> ObjectModel:
     kinds = np.zeros(len(springs), np.uint8)
     kinds[[2, 6]] = SpringKind.BENDING
     return ObjectModel(
-        kind=ObjectKind.SHEET,
+        kind="sheet",
         graph=SpringGraph(
             positions=positions.astype(np.float32),
             springs=springs,

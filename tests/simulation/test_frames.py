@@ -8,8 +8,9 @@ import pytest
 from egophys_core.effects import TwinEffect
 from egophys_core.effects.rotations import rotation
 from egophys_core.errors import SimulationError
+from egophys_core.kinds.sheet import resting_height
 from egophys_core.simulation import Controls, batch_of_models, rollout
-from egophys_core.twin import ObjectKind, ObjectModel, resting_height
+from egophys_core.twin import ObjectModel
 from tests.simulation.scenes import frame_times, idle_controls, sheet_model, sheet_positions
 
 HEIGHT = 0.004
@@ -34,9 +35,7 @@ def sheet_at(positions: np.ndarray, tilt: tuple[float, float] | None = None) -> 
     if tilt is None:
         return sheet_model(positions.astype(np.float32), contact_radius=HEIGHT)
     # As a twin is identified: it rests at the height at which its record has it.
-    model = sheet_model(
-        positions.astype(np.float32), contact_radius=max(0.0, resting_height(ObjectKind.SHEET, positions))
-    )
+    model = sheet_model(positions.astype(np.float32), contact_radius=max(0.0, resting_height(positions)))
     values = {"about_x": tilt[0], "about_y": tilt[1]}
     return replace(model, effects=(TwinEffect(name="tracking_rotation", values=values),))
 

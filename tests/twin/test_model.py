@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from egophys_core.errors import TwinError
+from egophys_core.kinds import node_masses
 from egophys_core.twin import (
     PhysicalParameters,
     SpringGraph,
@@ -116,7 +117,7 @@ def test_bending_springs_have_their_share():
 
 
 def test_mass_is_shared_equally():
-    masses = sheet_model(total_mass=0.32).node_masses
+    masses = node_masses(sheet_model(total_mass=0.32))
     assert masses == pytest.approx(np.full(16, 0.02))
 
 

@@ -1,7 +1,7 @@
 """What grips say of the record of the hands: it is early, too small or too large, or the object slips through them.
 
-The tracks in a hand miss its recorded way by what these effects make of it, and by little else: the mechanics of the
-object cancels. Their numbers are fitted to all grips together.
+The tracks in a hand leave its recorded path by what these effects make of it, and by little else: the mechanics of the
+object cancels. Their parameters are fitted to all grips together.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,83 +10,81 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from egophys_core.diagnosis.direct.grips import GripRecord, follows, held, missed
+from egophys_core.diagnosis.direct.grips import GripRecord, held, held_displacements, residual_of
 from egophys_core.diagnosis.direct.surrogates import shifted_p
-from egophys_core.effects import effect_named
-
-TOLD = ("control_delay", "tracking_scale", "grasp_slip")
-"""The effects that grips tell."""
+from egophys_core.effects import Parameter, effect_named
 
 FLOOR = 1e-3
-"""Metres by which held tracks miss their hand anyway: skin and cloth give."""
+"""Metres of residual that held tracks have anyway: skin and cloth give."""
 
 CORRELATED_S = 0.5
-"""Seconds over which tracks miss their hand alike."""
+"""Seconds over which residuals of tracks are alike."""
 
 ONSETS = 6
-"""Times at which the search for a slip starts."""
+"""Times at which the search for an effect starts that begins at some time."""
 
 STEPS, CHOICES = 15, 4
 """Of Levenberg-Marquardt while the same tracks are held, and times that these are chosen anew."""
 
-NUDGE = 0.1
-"""Steps off no effect at which a descent starts: a slip of no speed has no onset."""
+FINITE_DIFFERENCE_STEP = 0.1
+"""Of a parameter's step, for slopes; a descent starts as far off no effect, as a slip of no speed has no onset."""
 
-Numbers = Mapping[str, Mapping[str, float]]
+Parameters = Mapping[str, Mapping[str, float]]
 """Parameters by effect and name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GripFit:
-    """Grips with the numbers of some effects."""
+    """Grips with the parameters of some effects."""
 
-    numbers: Numbers
-    misses: np.ndarray
-    """[G] mean square by which the held tracks miss each hand, m^2 per axis."""
+    values: Parameters
+    squares: np.ndarray
+    """[G] mean square of the held tracks' residual in each grip, m^2 per axis."""
     tracks: list[np.ndarray]
     """The tracks held in each grip."""
 
 
-def explained(grips: Sequence[GripRecord], numbers: Numbers) -> GripFit:
-    """How well given numbers explain grips."""
-    tracks, misses = zip(*(held(grip, missed(grip, _way(grip, numbers))) for grip in grips), strict=True)
-    return GripFit(numbers=numbers, misses=np.array(misses), tracks=list(tracks))
+def explained(grips: Sequence[GripRecord], values: Parameters) -> GripFit:
+    """How well given parameters explain grips."""
+    found = [held(grip, _residual(grip, values)) for grip in grips]
+    return GripFit(values=values, squares=np.array([each for _, each in found]), tracks=[each for each, _ in found])
 
 
 def fit_grips(grips: Sequence[GripRecord], names: Sequence[str]) -> GripFit:
-    """The numbers of some effects that explain grips best."""
+    """The parameters of some effects that explain grips best."""
     begins, ends = min(grip.times[0] for grip in grips), max(grip.times[-1] for grip in grips)
-    onsets = np.linspace(begins, ends, ONSETS if "grasp_slip" in names else 1, endpoint=False)
+    begin_at_some_time = any(_is_time(each) for name in names for each in effect_named(name).parameters)
+    onsets = np.linspace(begins, ends, ONSETS if begin_at_some_time else 1, endpoint=False)
     fits = [_descend(grips, names, float(onset)) for onset in onsets]
-    return min(fits, key=lambda fit: float(_counts(grips) @ np.log(fit.misses + FLOOR**2)))
+    return min(fits, key=lambda fit: float(_counts(grips) @ np.log(fit.squares + FLOOR**2)))
 
 
 def gains(grips: Sequence[GripRecord], before: GripFit, after: GripFit) -> np.ndarray:
     """[G] gain in log-likelihood in each grip."""
-    return _counts(grips) / 2.0 * np.log((before.misses + FLOOR**2) / (after.misses + FLOOR**2))
+    return _counts(grips) / 2.0 * np.log((before.squares + FLOOR**2) / (after.squares + FLOOR**2))
 
 
 def p_null(grips: Sequence[GripRecord], before: GripFit, after: GripFit, *, seed: int) -> float:
-    """Share of shams that gain as much: what the effect changes in the held tracks, shifted in time, in any size."""
+    """Share of surrogates that gain as much: what the effect changes in held tracks, shifted in time, in any size."""
     errors, changes = [], []
     for grip, tracks in zip(grips, after.tracks, strict=True):
-        error = missed(grip, _way(grip, before.numbers))[:, tracks]
+        error = _residual(grip, before.values)[:, tracks]
         errors.append(error)
-        changes.append(error - missed(grip, _way(grip, after.numbers))[:, tracks])
+        changes.append(error - _residual(grip, after.values)[:, tracks])
     return shifted_p(errors, changes, _counts(grips), [grip.seconds for grip in grips], floor=FLOOR, seed=seed)
 
 
 def intervals(
     grips: Sequence[GripRecord], fit: GripFit, *, resamples: int, seed: int
 ) -> dict[str, dict[str, tuple[float, float]]]:
-    """The 95 % intervals of the numbers of a fit, over resampled grips and stretches of them."""
-    places = _Places(tuple(fit.numbers), grips)
-    at = places.of(fit.numbers)
-    rows = _unexplained(grips, fit, fit.numbers)
+    """The 95 % intervals of the parameters of a fit, over resampled grips and stretches of them."""
+    vector = _Vector(tuple(fit.values), grips)
+    at = vector.of(fit.values)
+    rows = _unexplained(grips, fit, fit.values)
     slopes = [
-        [(ahead - behind) / (2.0 * NUDGE) for ahead, behind in zip(*both, strict=True)]
-        for step in NUDGE * np.eye(len(at))
-        for both in [[_unexplained(grips, fit, places.numbers(at + sign * step)) for sign in (1.0, -1.0)]]
+        [(ahead - behind) / (2.0 * FINITE_DIFFERENCE_STEP) for ahead, behind in zip(*both, strict=True)]
+        for step in FINITE_DIFFERENCE_STEP * np.eye(len(at))
+        for both in [[_unexplained(grips, fit, vector.values(at + sign * step)) for sign in (1.0, -1.0)]]
     ]
     matrices, vectors = [], []
     for index, (grip, error) in enumerate(zip(grips, rows, strict=True)):
@@ -109,70 +107,68 @@ def intervals(
         ]
     )
     ends = at + np.quantile(steps - np.median(steps, axis=0), [0.025, 0.975], axis=0)
-    low, high = (places.numbers(np.clip(end, places.low, places.high)) for end in ends)
+    low, high = (vector.values(np.clip(end, vector.low, vector.high)) for end in ends)
     return {name: {each: (low[name][each], high[name][each]) for each in low[name]} for name in low}
 
 
-class _Places:
-    """The numbers of effects as one vector, in steps of their parameters."""
+class _Vector:
+    """The parameters of effects as one vector, in steps of their parameters."""
 
     def __init__(self, names: Sequence[str], grips: Sequence[GripRecord]) -> None:
         self.parameters = [(name, each) for name in names for each in effect_named(name).parameters]
         self.steps = np.array([each.step for _, each in self.parameters])
         # A time is one at which something is held.
         begins, ends = min(grip.times[0] for grip in grips), max(grip.times[-1] for grip in grips)
-        bounds = [(begins, ends) if each.null is None else (each.low, each.high) for _, each in self.parameters]
+        bounds = [(begins, ends) if _is_time(each) else (each.low, each.high) for _, each in self.parameters]
         self.low, self.high = np.array(bounds).T / self.steps
 
-    def numbers(self, place: np.ndarray) -> dict[str, dict[str, float]]:
+    def values(self, place: np.ndarray) -> dict[str, dict[str, float]]:
         found: dict[str, dict[str, float]] = {}
         for (name, each), value in zip(self.parameters, place * self.steps, strict=True):
             found.setdefault(name, {})[each.name] = float(value)
         return found
 
-    def of(self, numbers: Numbers) -> np.ndarray:
-        return np.array([numbers[name][each.name] for name, each in self.parameters]) / self.steps
+    def of(self, values: Parameters) -> np.ndarray:
+        return np.array([values[name][each.name] for name, each in self.parameters]) / self.steps
 
     def start(self, onset: float) -> np.ndarray:
-        null = np.array([onset if each.null is None else each.null for _, each in self.parameters])
-        return np.clip(null / self.steps + NUDGE, self.low, self.high)
+        null = np.array([each.null if each.null is not None else onset for _, each in self.parameters])
+        return np.clip(null / self.steps + FINITE_DIFFERENCE_STEP, self.low, self.high)
 
 
 def _descend(grips: Sequence[GripRecord], names: Sequence[str], onset: float) -> GripFit:
-    """Down to the nearest optimum from a slip at an onset; which tracks are held is chosen anew on the way."""
-    places = _Places(names, grips)
-    place = places.start(onset)
+    """Down to the nearest optimum from an onset; which tracks are held is chosen anew as it goes."""
+    vector = _Vector(names, grips)
+    place = vector.start(onset)
     for _ in range(CHOICES):
-        chosen = explained(grips, places.numbers(place))
+        chosen = explained(grips, vector.values(place))
 
         def errors(at: np.ndarray, chosen: GripFit = chosen) -> np.ndarray:
-            return np.concatenate([each.ravel() for each in _unexplained(grips, chosen, places.numbers(at))])
+            return np.concatenate([each.ravel() for each in _unexplained(grips, chosen, vector.values(at))])
 
-        place = least_squares(errors, place, bounds=(places.low, places.high), max_nfev=STEPS).x
-    return explained(grips, places.numbers(place))
+        place = least_squares(errors, place, bounds=(vector.low, vector.high), max_nfev=STEPS).x
+    return explained(grips, vector.values(place))
 
 
-def _unexplained(grips: Sequence[GripRecord], chosen: GripFit, numbers: Numbers) -> list[np.ndarray]:
-    """Per grip [F, HELD_TRACKS, 3]: by how much chosen tracks miss the hand; squares are to sum up to `_counts`."""
+def _unexplained(grips: Sequence[GripRecord], chosen: GripFit, values: Parameters) -> list[np.ndarray]:
+    """Per grip [F, HELD_TRACKS, 3]: residuals of chosen tracks; their squares are to sum up to `_counts`."""
     found = []
-    for grip, tracks, square, count in zip(grips, chosen.tracks, chosen.misses, _counts(grips), strict=True):
-        error = missed(grip, _way(grip, numbers))[:, tracks]
+    for grip, tracks, square, count in zip(grips, chosen.tracks, chosen.squares, _counts(grips), strict=True):
+        error = _residual(grip, values)[:, tracks]
         found.append(np.sqrt(count / error.size / (square + FLOOR**2)) * error)
     return found
 
 
 def _counts(grips: Sequence[GripRecord]) -> np.ndarray:
-    """[G] how many independent numbers each grip holds."""
+    """[G] how many independent values each grip holds."""
     return np.array([3.0 * grip.seconds / CORRELATED_S for grip in grips])
 
 
-def _way(grip: GripRecord, numbers: Numbers) -> np.ndarray:
-    """[F, P, 3] metres: how held tracks go with these effects."""
-    slip = numbers.get("grasp_slip", {"x": 0.0, "y": 0.0, "z": 0.0, "onset": 0.0})
-    return follows(
-        grip,
-        delay=numbers.get("control_delay", {"delay": 0.0})["delay"],
-        scale=numbers.get("tracking_scale", {"scale": 1.0})["scale"],
-        slip=np.array([slip["x"], slip["y"], slip["z"]]),
-        onset=slip["onset"],
-    )
+def _residual(grip: GripRecord, values: Parameters) -> np.ndarray:
+    """[F, P, 3] metres: what the tracks leave of how held ones go with these effects."""
+    return residual_of(grip, held_displacements(grip, values))
+
+
+def _is_time(parameter: Parameter) -> bool:
+    """Whether a parameter says from when on an effect acts."""
+    return parameter.null is None and parameter.unit == "s"

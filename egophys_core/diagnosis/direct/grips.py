@@ -5,11 +5,14 @@ physics of the object. The rest of the object hides neither: of the tracks near 
 taken to be held (least trimmed squares; Rousseeuw, J. American Statistical Association 79 (1984) 871).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.effects import effect_named
+from egophys_core.effects.effect_values import Values
 from egophys_core.effects.hands import turns
 from egophys_core.simulation import ContactKind
 
@@ -51,14 +54,13 @@ class GripRecord:
         """How long it holds."""
         return float(self.times[-1] - self.times[0])
 
-    def moved(self, delay: float) -> np.ndarray:
-        """[F, 3] metres: how far the hand has moved since it took hold, by a record that is late by `delay` s."""
-        centres = self._recorded(self.centres, self.times - delay)
-        return np.asarray(centres - self._recorded(self.centres, self.times[:1] - delay))
+    def centres_at(self, times: np.ndarray) -> np.ndarray:
+        """[F, 3] metres: the hand's centre, by its record at times [F]."""
+        return self._recorded(self.centres, times)
 
-    def carried(self, delay: float) -> np.ndarray:
-        """[F, P, 3] metres: how far each track has gone round the hand's centre with it."""
-        return np.einsum("fij,pj->fpi", self._recorded(self.turned, self.times - delay) - np.eye(3), self.levers)
+    def carried(self, times: np.ndarray) -> np.ndarray:
+        """[F, P, 3] metres: how far each track has gone round the hand's centre with it, by the record at times [F]."""
+        return np.einsum("fij,pj->fpi", self._recorded(self.turned, times) - np.eye(3), self.levers)
 
     def _recorded(self, record: np.ndarray, times: np.ndarray) -> np.ndarray:
         """A record [T, ...] at other times [F]; at its ends it stays."""
@@ -68,7 +70,7 @@ class GripRecord:
         return np.asarray(record[after - 1] + share * (record[after] - record[after - 1]))
 
 
-def grips_of(observation: Observation) -> list[GripRecord]:
+def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
     """The grips of an episode that last and have tracks near them."""
     tracks, times = observation.tracks.smooth, observation.episode.times
     found = []
@@ -101,33 +103,38 @@ def grips_of(observation: Observation) -> list[GripRecord]:
     return found
 
 
-def follows(grip: GripRecord, *, delay: float, scale: float, slip: np.ndarray, onset: float) -> np.ndarray:
-    """[F, P, 3] metres: where tracks that are held would have gone since the hand took hold.
+def held_displacements(grip: GripRecord, effects: Mapping[str, Values]) -> np.ndarray:
+    """[F, P, 3] metres: how far tracks that are held would have gone since the hand took hold.
+
+    The clocks and drives of the effects say where the hand truly was, or what slides through it.
 
     Args:
-        grip: the hand, and the tracks near it.
-        delay: seconds by which the hand's record runs ahead.
-        scale: of the tracks' motions over the hand's.
-        slip: [3] m/s at which what is held slides through the hand.
-        onset: seconds from when it does.
+        effects: parameters by the name of the effect.
     """
-    slid = np.maximum(grip.times - onset, 0.0)[:, None] * slip
-    return np.asarray((scale * grip.moved(delay) + slid)[:, None] + grip.carried(delay))
+    known = [(effect_named(name), values) for name, values in effects.items()]
+    times = grip.times
+    for effect, values in known:
+        times = effect.clock(values, times) if effect.clock else times
+    centres = grip.centres_at(times)
+    holds = np.ones((len(times), 1), bool)
+    for effect, values in known:
+        centres = effect.drive(values, grip.times, centres[:, None], holds)[:, 0] if effect.drive else centres
+    return np.asarray((centres - centres[0])[:, None] + grip.carried(times))
 
 
-def missed(grip: GripRecord, way: np.ndarray) -> np.ndarray:
-    """[F, P, 3] metres by which tracks miss ways [F, P, 3], but for where in the hand they are; 0 where unseen."""
-    error = grip.tracks - way
+def residual_of(grip: GripRecord, displacements: np.ndarray) -> np.ndarray:
+    """[F, P, 3] metres: tracks less displacements [F, P, 3] and where in the hand they are; 0 where unseen."""
+    error = grip.tracks - displacements
     return np.nan_to_num(error - np.nanmean(error, axis=0))
 
 
-def held(grip: GripRecord, missed: np.ndarray) -> tuple[np.ndarray, float]:
-    """The tracks [HELD_TRACKS] that follow best, and the mean square of what they miss [F, P, 3], m^2 per axis.
+def held(grip: GripRecord, residual: np.ndarray) -> tuple[np.ndarray, float]:
+    """The tracks [HELD_TRACKS] that follow best, and the mean square of their residual [F, P, 3], m^2 per axis.
 
     What is seen half of the time has to follow twice as well.
     """
     seen = np.isfinite(grip.tracks).all(axis=2).mean(axis=0)
-    squares = np.mean(missed**2, axis=(0, 2)) / seen**2
+    squares = np.mean(residual**2, axis=(0, 2)) / seen**2
     best = np.argsort(squares)[:HELD_TRACKS]
     return best, float(squares[best].mean())
 

@@ -1,4 +1,4 @@
-"""The base twin: the twin as good as it gets without any effect, before anything is blamed on one.
+"""The baseline twin: a twin as good as it gets without any effect, before anything is blamed on one.
 
 What a twin lacks shows only where it is otherwise right. A fit of free rollouts weighs the last, chaotic centimetres
 of a fold; observers ask for graph and grasp that get the forces right. So graphs and grasps of a few sizes are tried
@@ -7,54 +7,27 @@ beside the twin's own, and the best is refitted.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from egophys_core.diagnosis.evidence.fitted_parameters import base_knobs, with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.diagnosis.evidence.refit import Fitted, refit, refit_from, refit_further, residual_scale, robust_loss
-from egophys_core.diagnosis.evidence.residuals import Observation, residuals
-from egophys_core.identification.search_space import build_graph
-from egophys_core.kinds.rest_shape import RestShape
-from egophys_core.twin import ObjectKind, ObjectModel, per_kind
-from egophys_core.twin.statics import without_sag
-
-OBJECT_RADII = {ObjectKind.SHEET: (1.5, 2.0, 2.5), ObjectKind.SOLID: (2.0, 2.5, 3.0)}
-GRASP_RADII = (1.0, 2.0, 3.0)
-"""In units of the node spacing."""
-
-NEIGHBOURS = 24
-GRASP_NEIGHBOURS = 60
-"""Springs that a node, and a controller point, asks for: all within the radius."""
-
-STIFFNESS_RATE = {ObjectKind.SHEET: 5e4, ObjectKind.SOLID: 2e5}
-"""Of a structural spring over node mass at twice the spacing, 1/s^2: stiff, as cloth and toys are."""
-
-SOFTER = (1.0, 0.25)
-"""Times that stiffness at which a variant may begin."""
-
-BENDING_RATIOS = {ObjectKind.SHEET: (0.03, 0.3), ObjectKind.SOLID: (0.03,)}
-"""Stiffness of bending springs over that of the others at which a variant may begin: limp cloth, and felt."""
-
-COMPRESSION_RATIO = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 1.0}
-"""Of the stiffness of a spring, left when it is pressed, at which a variant begins: cloth wrinkles between nodes."""
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel
 
 FIRST_STEPS, LATER_STEPS = 3, 5
 """Steps by which the starts are refitted at first, and those of the better half of them, again and again while more
 than one is left. Where they begin says little of where they end: a toy's own twin, fitted before, began at 986 and
 ended at 615; the third one began at 1283 and ended at 337. Of six starts of two rehearsed sheets the sixth won."""
 
-DAMPING_RATE = {ObjectKind.SHEET: 0.3, ObjectKind.SOLID: 3.0}
-"""1/s."""
-
 LOST = 5.0
 """Times its residuals in what was fitted from which a twin has lost another episode: a toy that was pushed over lay
-elsewhere than its twin (13.7 mm; 1.3, 1.1 and 0.7 in what was fitted), and could bear out nothing any more."""
+elsewhere than its twin (13.7 mm; 1.3, 1.1 and 0.7 in what was fitted), and could support nothing any more."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Base:
+class BaselineTwin:
     """The twin without an effect."""
 
     fitted: Fitted
@@ -62,24 +35,25 @@ class Base:
     """What it was chosen from. A twin bends to make up for an effect that it lacks; these did not, or otherwise."""
 
 
-def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts: int, iterations: int) -> Base:
-    """The best of the twin and its variants, refitted; all begin some steps before it is told which that is.
+def fit_baseline(
+    observations: Sequence[TrackedEpisode], model: ObjectModel, *, starts: int, iterations: int
+) -> BaselineTwin:
+    """The best of the twin and its variants, refitted; all begin some steps before the best is chosen.
 
     Args:
         starts: so many, those with the least residuals, are refitted.
         iterations: most steps of the last refit, that of the best.
     """
-    clamped = observations[0].free
-    own = [model] if clamped else [model, without_sag(model) if model.kind == ObjectKind.SOLID else _wrinkling(model)]
-    # What is seen at a few markers has the graph of its template, and sags as its springs say.
-    models = own if clamped else [*own, *variants(model)]
+    kind = kind_of(model)
+    own = [model, *kind.otherwise_at_rest(model)]
+    models = [*own, *kind.variants(model)]
     found = residuals(observations, models)
     scale = residual_scale(observations, [each[0] for each in found])
     losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
     order = np.argsort(losses)
     scale = residual_scale(observations, [each[order[0]] for each in found])
     fits = [
-        refit(observations, models[row], base_knobs(models[row], clamped=clamped), iterations=FIRST_STEPS, scale=scale)
+        refit(observations, models[row], baseline_parameters(models[row]), iterations=FIRST_STEPS, scale=scale)
         for row in order[:starts]
     ]
     fits.sort(key=lambda each: each.loss)
@@ -89,10 +63,10 @@ def base_fit(observations: Sequence[Observation], model: ObjectModel, *, starts:
     best, *runners_up = fits
     best = replace(best, scale=min(scale, residual_scale(observations, best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
-    return Base(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
+    return BaselineTwin(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
 
 
-def follows(fitted: Fitted, observations: Sequence[Observation]) -> list[bool]:
+def follows(fitted: Fitted, observations: Sequence[TrackedEpisode]) -> list[bool]:
     """Per episode that was not fitted, whether a twin follows it well enough to tell what it lacks there.
 
     A few markers always tell it: what is rolled out freely is not chaotic, and may be far off for lack of the effect.
@@ -103,18 +77,18 @@ def follows(fitted: Fitted, observations: Sequence[Observation]) -> list[bool]:
     return [bool(np.nanmedian(np.abs(found)) <= most) for found in residuals(observations, [fitted.model])]
 
 
-def base_with(
-    observations: Sequence[Observation],
-    base: Base,
+def baseline_beside(
+    observations: Sequence[TrackedEpisode],
+    baseline: BaselineTwin,
     effects: Mapping[str, Mapping[str, float]],
     *,
     iterations: int,
-) -> tuple[Base, Fitted]:
-    """The base twin beside effects whose numbers are known, and the one without, from where these led as well.
+) -> tuple[BaselineTwin, Fitted]:
+    """The baseline twin beside effects whose parameters are known, and the one without, from where these led as well.
 
     Args:
-        base: the twin without them.
-        effects: numbers by effect and parameter; they are kept.
+        baseline: the twin without them.
+        effects: values by effect and parameter; they are kept.
         iterations: most steps of each refit.
     """
 
@@ -123,58 +97,16 @@ def base_with(
             model = with_effect(model, name, dict(values))
         return model
 
-    without = base.fitted
-    starts = [beside(model) for model in (without.model, *base.others)]
+    without = baseline.fitted
+    starts = [beside(model) for model in (without.model, *baseline.others)]
     found = residuals(observations, starts)
     order = np.argsort([robust_loss([each[row] for each in found], without.scale) for row in range(len(starts))])
     best = refit_from(
-        observations, [starts[row] for row in order], without.knobs, scale=without.scale, iterations=iterations
+        observations, [starts[row] for row in order], without.parameters, scale=without.scale, iterations=iterations
     )
     bare = [replace(best.model, effects=())]
-    relieved = refit_from(observations, bare, without.knobs, scale=without.scale, iterations=iterations)
+    relieved = refit_from(observations, bare, without.parameters, scale=without.scale, iterations=iterations)
     # What they explain is gone from the residuals: what remains is judged on its own scale.
     best = replace(best, scale=min(best.scale, residual_scale(observations, best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
-    return Base(fitted=fitted, others=starts[1:]), min(without, relieved, key=lambda each: each.loss)
-
-
-def _wrinkling(model: ObjectModel) -> ObjectModel:
-    """The twin with springs that give way when they are pressed."""
-    parameters = replace(model.parameters, compression_ratio=COMPRESSION_RATIO[model.kind])
-    return replace(model, parameters=parameters)
-
-
-def variants(model: ObjectModel) -> list[ObjectModel]:
-    """The object with graphs and grasps of other sizes, and plain parameters."""
-    graph, parameters = model.graph, model.parameters
-    surface = graph.positions[graph.surface].astype(np.float64)
-    spacing = float(np.median(cKDTree(surface).query(surface, k=min(5, len(surface)))[0][:, -1]))
-    shape = RestShape(positions=graph.positions, surface=graph.surface, kind=model.kind, spacing=spacing)
-    node_mass = parameters.total_mass / len(graph.positions)
-    found = []
-    for softer, bending, radius, grasp in product(
-        SOFTER, BENDING_RATIOS[model.kind], OBJECT_RADII[model.kind], GRASP_RADII
-    ):
-        # Springs share the load: more of them, each softer.
-        stiffness = softer * STIFFNESS_RATE[model.kind] * node_mass * (2.0 / radius) ** 2
-        plain = replace(
-            parameters,
-            stiffness=stiffness,
-            damping=DAMPING_RATE[model.kind] * node_mass,
-            bending_ratio=bending,
-            strain_limit=1e6,
-            compression_ratio=COMPRESSION_RATIO[model.kind],
-            ground_projection=0.0,
-            restitution=0.0,
-            friction=0.5,
-            controller_stiffness=stiffness,
-            controller_radius=grasp * spacing,
-            controller_neighbours=GRASP_NEIGHBOURS,
-            collision_distance=0.6 * spacing if model.kind == ObjectKind.SHEET else 0.0,
-        )
-        other = build_graph(shape, radius=radius * spacing, max_neighbours=NEIGHBOURS)
-        variant = replace(
-            model, graph=other, parameters=plain, stiffness=per_kind(other, plain.stiffness, plain.bending_ratio)
-        )
-        found.append(without_sag(variant) if model.kind == ObjectKind.SOLID else variant)
-    return found
+    return BaselineTwin(fitted=fitted, others=starts[1:]), min(without, relieved, key=lambda each: each.loss)

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from egophys_core.diagnosis.diagnosis import EpisodeError
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.diagnosis import PredictionErrors
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
@@ -24,7 +24,7 @@ class FreeErrors:
     """[T], with the mean offset of the tracks at the last train frame taken off from there on."""
 
 
-def free_errors(observation: Observation, models: Sequence[ObjectModel]) -> list[FreeErrors]:
+def free_errors(observation: TrackedEpisode, models: Sequence[ObjectModel]) -> list[FreeErrors]:
     """Roll each model out freely under the hands of an episode; all infinite where it diverges."""
     problem = observation.problem
     episode = problem.episode
@@ -72,9 +72,11 @@ def _held(surface: np.ndarray, observed: np.ndarray, bound: np.ndarray, last: in
     )
 
 
-def episode_error(observation: Observation, before: FreeErrors, after: FreeErrors, *, fitted: bool) -> EpisodeError:
+def episode_error(
+    observation: TrackedEpisode, before: FreeErrors, after: FreeErrors, *, fitted: bool
+) -> PredictionErrors:
     """Means over all frames from first contact on, metres."""
-    return EpisodeError(
+    return PredictionErrors(
         episode=observation.episode.name,
         track_before_m=float(np.nanmean(before.track)),
         track_after_m=float(np.nanmean(after.track)),

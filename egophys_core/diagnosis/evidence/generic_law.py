@@ -13,12 +13,12 @@ from egophys_core.diagnosis.evidence.law_terms import LAW_TERMS
 from egophys_core.diagnosis.evidence.linear_problem import (
     Columns,
     LinearProblem,
-    base_columns,
+    baseline_columns,
     fit,
     free_columns,
     left_out_losses,
 )
-from egophys_core.diagnosis.evidence.residuals import Observation, residuals
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.effects import TwinEffect, added
 from egophys_core.twin import ObjectModel
 
@@ -63,24 +63,24 @@ class Law:
 
 
 def find_law(
-    observations: Sequence[Observation], model: ObjectModel, found: Sequence[np.ndarray], problem: LinearProblem
+    observations: Sequence[TrackedEpisode], model: ObjectModel, found: Sequence[np.ndarray], problem: LinearProblem
 ) -> Law:
     """The best law of at most `MOST_TERMS` terms, chosen one after the other by gain on left-out stretches."""
     with added(LAW_TERMS, candidate=False):
         results = residuals(observations, [_with_term(model, term) for term in TERMS])
     columns = np.stack(
         [
-            problem.column([(each[row] - base) / term.step for each, base in zip(results, found, strict=True)])
+            problem.column([(each[row] - baseline) / term.step for each, baseline in zip(results, found, strict=True)])
             for row, term in enumerate(TERMS)
         ],
         axis=1,
     )
-    base_loss = left_out_losses(problem, base_columns(problem), problem.fold).sum()
+    baseline_loss = left_out_losses(problem, baseline_columns(problem), problem.fold).sum()
     chosen: list[int] = []
     gain = 0.0
     while len(chosen) < MOST_TERMS:
         gains = {
-            index: base_loss - _held(problem, columns[:, [*chosen, index]])
+            index: baseline_loss - _held(problem, columns[:, [*chosen, index]])
             for index in range(len(TERMS))
             if index not in chosen
         }
@@ -90,18 +90,20 @@ def find_law(
         chosen, gain = [*chosen, best], gains[best]
     if not chosen:
         return Law(formula="", held_out_gain=0.0)
-    numbers = fit(problem.residual, _beside_base(problem, columns[:, chosen]), problem.scale)[problem.base.shape[1] :]
-    terms = [f"{number:+.3g} {TERMS[index].formula}" for number, index in zip(numbers, chosen, strict=True)]
+    coefficients = fit(problem.residual, _beside_baseline(problem, columns[:, chosen]), problem.scale)[
+        problem.baseline.shape[1] :
+    ]
+    terms = [f"{value:+.3g} {TERMS[index].formula}" for value, index in zip(coefficients, chosen, strict=True)]
     units = ", ".join(TERMS[index].unit for index in chosen)
     return Law(formula=f"a = {' '.join(terms)} ({units})", held_out_gain=float(gain))
 
 
 def _held(problem: LinearProblem, columns: np.ndarray) -> float:
-    return float(left_out_losses(problem, _beside_base(problem, columns), problem.fold).sum())
+    return float(left_out_losses(problem, _beside_baseline(problem, columns), problem.fold).sum())
 
 
-def _beside_base(problem: LinearProblem, columns: np.ndarray) -> Columns:
-    return base_columns(problem).beside(free_columns(columns))
+def _beside_baseline(problem: LinearProblem, columns: np.ndarray) -> Columns:
+    return baseline_columns(problem).beside(free_columns(columns))
 
 
 def _with_term(model: ObjectModel, term: Term) -> ObjectModel:

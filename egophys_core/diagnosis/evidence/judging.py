@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.diagnosis.diagnosis import Estimate
-from egophys_core.diagnosis.evidence.fitted_parameters import Knob
+from egophys_core.diagnosis.evidence.fitted_parameters import FreeParameter
 from egophys_core.diagnosis.evidence.linear_problem import (
     TRUST,
     LinearProblem,
@@ -19,7 +19,7 @@ from egophys_core.diagnosis.evidence.linear_problem import (
     trusted_columns,
 )
 from egophys_core.diagnosis.evidence.refit import Fitted, cell_losses, median_size
-from egophys_core.diagnosis.evidence.residuals import Observation, residuals
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.effects import effect_named
 from egophys_core.twin import ObjectModel
 
@@ -31,7 +31,7 @@ AGREEMENT = 2.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
+class RefittedEffect:
     """An effect after its joint refit."""
 
     name: str
@@ -47,19 +47,19 @@ class Judged:
     """Of their sum, over resampled blocks."""
     episode_gains: np.ndarray
     """[E] held-out gain in each episode when it was left out as a whole; nan with one episode."""
-    proof_gains: np.ndarray
-    """[R] the effect's share of the gain in each episode that took no part in the fit, `proven`."""
+    validation_gains: np.ndarray
+    """[R] the effect's share of the gain in each episode that took no part in the fit, `validated`."""
     parameters: dict[str, Estimate]
     episodes_agree: bool
 
     @property
     def gain(self) -> float:
-        """What counts: on left-out data, but not what the refit did not reach, which is the linear model's alone."""
+        """What counts: on left-out data, but not what the refit did not attain, which is the linear model's alone."""
         return min(self.fitted_gain, self.held_out_gain)
 
     @property
-    def mimics(self) -> tuple[str, ...]:
-        """Effects that look like it."""
+    def confounders(self) -> tuple[str, ...]:
+        """Effects it is commonly taken for."""
         return effect_named(self.name).traits.confounders
 
     @property
@@ -68,21 +68,23 @@ class Judged:
         return {name: each.value for name, each in self.parameters.items()}
 
 
-def judge(name: str, fitted: Fitted, before: Fitted, without: LinearProblem, *, bootstraps: int, seed: int) -> Judged:
+def judge(
+    name: str, fitted: Fitted, before: Fitted, without: LinearProblem, *, bootstraps: int, seed: int
+) -> RefittedEffect:
     """Hold the twin refitted with an effect, and without, against left-out data.
 
     Args:
-        fitted: its last knobs are those of the effect.
+        fitted: its last parameters are those of the effect.
         before: without the effect.
         without: the linear problem there.
     """
-    own = fitted.knobs[len(before.knobs) :]
+    own = fitted.parameters[len(before.parameters) :]
     problem = linear_problem(fitted.residuals, fitted.jacobian, fitted.scale)
-    # What is the object's stays as all data fitted it, with the effect and without: slopes of the base, followed far
-    # when a stretch is left out, say more of their own errors than of the effect. How much of the effect there is, is
-    # asked of the other data anew; where and when it acts only nearby, as slopes go no farther.
-    reach = np.array([TRUST if knob.parameter.null is None else np.inf for knob in own])
-    effect = trusted_columns(problem.base[:, len(before.knobs) :], reach)
+    # What is the object's stays as all data fitted it, with the effect and without: slopes of the baseline, followed
+    # far when a stretch is left out, say more of their own errors than of the effect. How much of the effect there is,
+    # is asked of the other data anew; where and when it acts only nearby, as slopes go no farther.
+    trust = np.array([TRUST if parameter.definition.null is None else np.inf for parameter in own])
+    effect = trusted_columns(problem.baseline[:, len(before.parameters) :], trust)
     known = _by_block(without, losses(without.residual, without.scale))
     by_fold, by_episode = (
         known - _by_block(problem, left_out_losses(problem, effect, groups))
@@ -90,7 +92,7 @@ def judge(name: str, fitted: Fitted, before: Fitted, without: LinearProblem, *, 
     )
     count = int(problem.episode.max()) + 1
     resampled = resampled_steps(problem, resamples=bootstraps, seed=seed)
-    return Judged(
+    return RefittedEffect(
         name=name,
         fitted=fitted,
         problem=problem,
@@ -105,35 +107,38 @@ def judge(name: str, fitted: Fitted, before: Fitted, without: LinearProblem, *, 
                 for index in range(count)
             ]
         ),
-        proof_gains=np.zeros(0),
+        validation_gains=np.zeros(0),
         parameters=_estimates(fitted, own, resampled),
         episodes_agree=_agree(problem, fitted.model, own, resampled),
     )
 
 
-def proven(judged: Sequence[Judged], before: Fitted, proofs: Sequence[Observation]) -> list[Judged]:
+def validated(
+    effects: Sequence[RefittedEffect], before: Fitted, validation: Sequence[TrackedEpisode]
+) -> list[RefittedEffect]:
     """Effects with what they gain, as fitted, in episodes that took no part in the fit.
 
-    With an effect the base is another one, too, and what that is worth elsewhere is not the effect's doing. Of what
-    both gain together the effect has its Shapley share: the mean of what it gains on its own base and on that without.
+    With an effect the baseline is another one, too, and what that is worth elsewhere is not the effect's doing. Of what
+    both gain together the effect has its Shapley share: the mean of what it gains on its own baseline and on that
+    without it.
     Source: Shapley, A Value for n-Person Games (1953), for two players.
 
     Args:
         before: the twin without them, refitted as much.
     """
-    joint = [each.fitted.model for each in judged]
+    joint = [each.fitted.model for each in effects]
     bare = [replace(each, effects=each.effects[:-1]) for each in joint]
     added = [replace(before.model, effects=(*before.model.effects, *each.effects[-1:])) for each in joint]
-    found = residuals(proofs, [before.model, *joint, *bare, *added])
+    found = residuals(validation, [before.model, *joint, *bare, *added])
     losses = np.array([cell_losses(each, before.scale).sum(axis=(1, 2)) for each in found]).reshape(len(found), -1)
     known, rest = losses[:, :1], losses[:, 1:].reshape(len(found), 3, -1)
     with_effect, without, elsewhere = (rest[:, kind] for kind in range(3))
     with np.errstate(invalid="ignore"):
         own, other = without - with_effect, known - elsewhere
-    # A base that diverges, without the effect or with the other's, says nothing of it.
+    # A baseline that diverges, without the effect or with the other's, says nothing of it.
     own, other = np.where(np.isfinite(own), own, other), np.where(np.isfinite(other), other, own)
     share = np.where(np.isfinite(with_effect), np.nan_to_num((own + other) / 2.0, posinf=0.0, neginf=0.0), -np.inf)
-    return [replace(each, proof_gains=gain) for each, gain in zip(judged, share.T, strict=True)]
+    return [replace(each, validation_gains=gain) for each, gain in zip(effects, share.T, strict=True)]
 
 
 def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:
@@ -151,26 +156,26 @@ def interval_of_sum(values: np.ndarray, resamples: int, seed: int) -> tuple[floa
     return float(low), float(high)
 
 
-def _estimates(fitted: Fitted, own: Sequence[Knob], resampled: np.ndarray) -> dict[str, Estimate]:
-    """The effect's parameters, with intervals from the steps of all knobs on resampled blocks [R, D], its own last."""
+def _estimates(fitted: Fitted, own: Sequence[FreeParameter], resampled: np.ndarray) -> dict[str, Estimate]:
+    """The effect's parameters, with intervals from the steps of all on resampled blocks [R, D], its own last."""
     found = {}
-    for column, knob in enumerate(own, start=resampled.shape[1] - len(own)):
-        parameter = knob.parameter
-        at = knob.position(fitted.model)
+    for column, parameter in enumerate(own, start=resampled.shape[1] - len(own)):
+        definition = parameter.definition
+        at = parameter.position(fitted.model)
         # The optimum is where the refit ended; resamples say how far it would have gone.
         low, high = at + np.quantile(resampled[:, column] - np.median(resampled[:, column]), [0.025, 0.975])
         ends = [
-            float(np.exp(end * parameter.step) if parameter.logarithmic else end * parameter.step)
+            float(np.exp(end * definition.step) if definition.logarithmic else end * definition.step)
             for end in (low, high)
         ]
-        found[parameter.name] = Estimate(
-            value=knob.read(fitted.model), unit=parameter.unit, ci95=(min(ends), max(ends))
+        found[definition.name] = Estimate(
+            value=parameter.read(fitted.model), unit=definition.unit, ci95=(min(ends), max(ends))
         )
     return found
 
 
-def _agree(problem: LinearProblem, model: ObjectModel, own: Sequence[Knob], resampled: np.ndarray) -> bool:
-    """Whether each episode alone asks for the same size of the effect, whose knobs are the last columns.
+def _agree(problem: LinearProblem, model: ObjectModel, own: Sequence[FreeParameter], resampled: np.ndarray) -> bool:
+    """Whether each episode alone asks for the same size of the effect, whose parameters are the last columns.
 
     Where and when an effect acts may show in one motion only.
     """
@@ -178,17 +183,21 @@ def _agree(problem: LinearProblem, model: ObjectModel, own: Sequence[Knob], resa
     if len(episodes) < 2:
         return False
     first = resampled.shape[1] - len(own)
-    sizes = [first + index for index, knob in enumerate(own) if knob.parameter.null is not None]
+    sizes = [first + index for index, parameter in enumerate(own) if parameter.definition.null is not None]
     found = [
-        knob.position(model) - knob.position_of(knob.parameter.null) for knob in own if knob.parameter.null is not None
+        parameter.position(model) - parameter.position_of(parameter.definition.null)
+        for parameter in own
+        if parameter.definition.null is not None
     ]
     spread = resampled.std(axis=0)[sizes]
     alone = []
     for episode in episodes:
         rows = problem.episode == episode
-        base = trusted_columns(problem.base[rows, :first], TRUST).beside(free_columns(problem.base[rows, first:]))
-        alone.append(fit(problem.residual[rows], base, problem.scale)[sizes])
-    # An episode has a share of the data, so its own error is larger by the root of their number.
+        baseline = trusted_columns(problem.baseline[rows, :first], TRUST).beside(
+            free_columns(problem.baseline[rows, first:])
+        )
+        alone.append(fit(problem.residual[rows], baseline, problem.scale)[sizes])
+    # An episode has a share of the data, so its own error is larger by the root of their count.
     apart = np.ptp(alone, axis=0)
     alike = (apart <= AGREEMENT * np.sqrt(2 * len(episodes)) * spread + 1e-9).all()
     return bool(alike or np.linalg.norm(apart) <= ALIKE * np.linalg.norm(found))

@@ -1,7 +1,7 @@
-"""The linear problem at a refitted twin: which columns, what a change of each number does, explain the residual.
+"""The linear problem at a refitted twin: which columns, what a change of each parameter does, explain the residual.
 
 All of ranking and judging happens here, without simulating again: robust fits of columns to the residual, their score
-on blocks of time and on episodes that were left out, and the same for shams, columns shifted in time.
+on blocks of time and on episodes that were left out, and the same for surrogates, columns shifted in time.
 """
 
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ LEAST_SLOPE = 0.2
 """Share of the weights that the slopes of the score are taken to sum up to at least; guards a division."""
 
 TRUST = 2.0
-"""Steps of a knob over which what it does is taken to be proportional to it. Slopes of a twin that falls over where
-the real object lies still promise gains that no refit reaches."""
+"""Steps of a parameter over which what it does is taken to be proportional to it. Slopes of a twin that falls over
+where the real object lies still promise gains that no refit attains."""
 
 REWEIGHTINGS = 5
 """Steps of iteratively reweighted least squares."""
@@ -31,8 +31,8 @@ class LinearProblem:
 
     residual: np.ndarray
     """[M] metres."""
-    base: np.ndarray
-    """[M, D] metres per step of each base knob."""
+    baseline: np.ndarray
+    """[M, D] metres per step of each baseline parameter."""
     episode: np.ndarray
     """[M] which episode."""
     fold: np.ndarray
@@ -68,14 +68,14 @@ def linear_problem(found: Sequence[np.ndarray], jacobian: Sequence[np.ndarray], 
     episode = np.repeat(np.arange(len(cells)), [seen.sum() for seen in cells])
     problem = LinearProblem(
         residual=np.concatenate([each[seen] for each, seen in zip(found, cells, strict=True)]),
-        base=np.zeros((len(episode), 0)),
+        baseline=np.zeros((len(episode), 0)),
         episode=episode,
         fold=np.concatenate(folds) + FOLDS * episode,
         block=np.concatenate(numbers),
         cells=cells,
         scale=scale,
     )
-    return replace(problem, base=problem.column(jacobian))
+    return replace(problem, baseline=problem.column(jacobian))
 
 
 def losses(residual: np.ndarray, scale: float) -> np.ndarray:
@@ -90,7 +90,7 @@ class Columns:
     values: np.ndarray
     """[M, D] metres per step."""
     low: np.ndarray
-    """[D] least step: a lump weighs no less than nothing."""
+    """[D] least step: an added mass is no less than nothing."""
     high: np.ndarray
     """[D] largest step."""
 
@@ -112,15 +112,15 @@ def free_columns(values: np.ndarray) -> Columns:
     return trusted_columns(values, np.inf)
 
 
-def trusted_columns(values: np.ndarray, reach: float | np.ndarray) -> Columns:
-    """Columns [M, D] whose steps stay within `reach`, one number or [D]: as far as the slopes are to be believed."""
-    ends = np.broadcast_to(np.asarray(reach, dtype=np.float64), values.shape[1:])
+def trusted_columns(values: np.ndarray, trust: float | np.ndarray) -> Columns:
+    """Columns [M, D] whose steps stay within `trust`, one value or [D]: as far as the slopes are to be believed."""
+    ends = np.broadcast_to(np.asarray(trust, dtype=np.float64), values.shape[1:])
     return Columns(values=values, low=-ends, high=ends)
 
 
-def base_columns(problem: LinearProblem) -> Columns:
-    """The base knobs, whose steps stay within `TRUST`."""
-    return trusted_columns(problem.base, TRUST)
+def baseline_columns(problem: LinearProblem) -> Columns:
+    """The baseline parameters, whose steps stay within `TRUST`."""
+    return trusted_columns(problem.baseline, TRUST)
 
 
 def fit(residual: np.ndarray, columns: Columns, scale: float) -> np.ndarray:
@@ -154,9 +154,9 @@ def _bounded(matrix: np.ndarray, vector: np.ndarray, columns: Columns) -> np.nda
 
 
 def fitted_gain(problem: LinearProblem, columns: Columns) -> float:
-    """Loss that the base knobs and further columns together save against the base knobs alone."""
-    base = base_columns(problem)
-    return float(_fitted_loss(problem, base) - _fitted_loss(problem, base.beside(columns)))
+    """Loss that the baseline parameters and further columns together save against the baseline parameters alone."""
+    baseline = baseline_columns(problem)
+    return float(_fitted_loss(problem, baseline) - _fitted_loss(problem, baseline.beside(columns)))
 
 
 def _fitted_loss(problem: LinearProblem, columns: Columns) -> float:
@@ -178,25 +178,27 @@ def left_out_losses(problem: LinearProblem, columns: Columns, groups: np.ndarray
     return found
 
 
-def sham(problem: LinearProblem, slopes: Sequence[np.ndarray], shares: np.ndarray, patches: np.ndarray) -> np.ndarray:
-    """[M, C] a sham: slopes [B, Q, 3, C] turned around in time, and dealt out among the patches anew.
+def surrogate(
+    problem: LinearProblem, slopes: Sequence[np.ndarray], shares: np.ndarray, patches: np.ndarray
+) -> np.ndarray:
+    """[M, C] a surrogate: slopes [B, Q, 3, C] shifted round in time, and dealt out among the patches anew.
 
-    Turned in time alone, an effect that hardly changes while the object is held would be its own sham.
+    Shifted in time alone, an effect that hardly changes while the object is held would be its own surrogate.
 
     Args:
-        shares: [E] of each episode by which it is turned.
+        shares: [E] of each episode by which it is shifted.
         patches: [Q] a permutation.
     """
-    turned = [
+    shifted = [
         np.roll(np.nan_to_num(each, posinf=0.0, neginf=0.0), round(share * len(each)), axis=0)[:, patches]
         for each, share in zip(slopes, shares, strict=True)
     ]
-    return problem.column(turned)
+    return problem.column(shifted)
 
 
 def resampled_steps(problem: LinearProblem, *, resamples: int, seed: int) -> np.ndarray:
-    """[R, D] steps of the base columns fitted to resampled blocks of time, whole ones, because neighbours agree."""
-    columns = problem.base
+    """[R, D] steps of the baseline columns fitted to resampled blocks of time, whole ones, because neighbours agree."""
+    columns = problem.baseline
     generator = np.random.default_rng(seed)
     blocks = np.unique(problem.block)
     # Blocks in pairs: a residual lasts longer than one of them.
@@ -208,12 +210,12 @@ def resampled_steps(problem: LinearProblem, *, resamples: int, seed: int) -> np.
     centre = fit(problem.residual, free_columns(columns), problem.scale)
     left = problem.residual + columns @ centre
     prior = np.eye(columns.shape[1]) / PRIOR_STEPS**2
-    base = 2.0 / (problem.scale**2 + left**2) / CORRELATED
+    baseline = 2.0 / (problem.scale**2 + left**2) / CORRELATED
     found = np.empty((resamples, columns.shape[1]))
     for row in range(resamples):
-        weighted = columns * (base * weights_of[row, problem.block])[:, None]
+        weighted = columns * (baseline * weights_of[row, problem.block])[:, None]
         found[row] = -np.linalg.solve(weighted.T @ columns + prior, weighted.T @ problem.residual)
     # Reweighted steps answer to a resample less than the optimum itself does: an M-estimator moves by its score over
     # the slope of the score, which is less than its weight (Huber, Robust Statistics, 1981, sec. 6.3).
-    slopes = base * (problem.scale**2 - left**2) / (problem.scale**2 + left**2)
-    return np.asarray(centre + (found - centre) * base.sum() / max(slopes.sum(), LEAST_SLOPE * base.sum()))
+    slopes = baseline * (problem.scale**2 - left**2) / (problem.scale**2 + left**2)
+    return np.asarray(centre + (found - centre) * baseline.sum() / max(slopes.sum(), LEAST_SLOPE * baseline.sum()))

@@ -1,7 +1,7 @@
 """Observations of an object with a few markers: followed freely, a marker a patch, in short blocks of time.
 
-A clamped beam or a cable is not chaotic: what its twin lacks shows best in a free rollout, which no pull towards the
-markers hides. Markers are measured to hundredths of a millimetre at 100 Hz, so a block need not outlast noise.
+A clamped beam or a cable is not chaotic: what its twin lacks shows best in a free rollout, which no nudging towards
+the markers hides. Markers are measured to hundredths of a millimetre at 100 Hz, so a block need not outlast noise.
 """
 
 from collections.abc import Sequence
@@ -10,51 +10,28 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, smoothed
-from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, Observation
-from egophys_core.episode import Episode
+from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, TrackedEpisode
+from egophys_core.effects import LIBRARY
+from egophys_core.effects.traits import Need
 from egophys_core.errors import DiscrepancyError
-from egophys_core.observation import FitProblem
+from egophys_core.kinds import Kind
+from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, place_model
 from egophys_core.observation.clamps import stands_still
-from egophys_core.observation.markers import from_all_seen, place_markers
-from egophys_core.twin import ObjectKind, Twin
+from egophys_core.twin import Twin
 
 FREE = 0.0
 """Rate of the observer, 1/s."""
 
-SWING_BLOCK_S = 0.04
-"""Seconds of a block of what swings in a still clamp: a quarter of a swing of 6 Hz. What hands move swings as slowly as
-they do, and what is off in one short block is off in the next: a cable that lacks nothing had a structure of 139."""
-
-NOT_TOLD_BY_A_STILL_CLAMP = (
-    "tracking_offset",
-    "tracking_rotation",
-    "tracking_scale",
-    "gripper_offset",
-    "control_delay",
-    "grasp_slip",
-)
-"""Effects on how held points move or where they are: of a clamp that stands still they are how it was mounted."""
-
-OF_A_TABLE = ("table_adhesion", "place_dependent_friction", "stribeck_friction")
-"""Effects of a table, which records of markers do not tell."""
-
-OF_SPRINGS = (
-    "strain_stiffening",
-    "tension_compression_asymmetry",
-    "anisotropy",
-    "bending_damping",
-    "viscoelasticity",
-    "plasticity",
-    "hysteresis",
-)
-"""Effects on springs: those of a rod hardly stretch, and it bends without any. What they gained in a cable that lacks
-nothing, up to 108, was of how it stretches."""
+RING_DOWN_BLOCK_S = 0.04
+"""Seconds of a block of a ring-down in a still clamp: a quarter of a period of 6 Hz. What hands move oscillates as
+slowly as they do, and what is off in one short block is off in the next: a cable that lacks nothing had a structure of
+139."""
 
 LEAST_RECORD_S = 0.5
-"""Seconds below which markers show less than a swing."""
+"""Seconds below which markers show less than an oscillation."""
 
 
-def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Observation:
+def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> TrackedEpisode:
     """Place a twin of markers in an episode.
 
     Args:
@@ -64,17 +41,18 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
         EpisodeError: other markers or held points than the twin has.
         DiscrepancyError: a record too short to say anything.
     """
-    problem = place_markers(twin.model, twin.grasp, episode, load=load)
+    observed = observe_episode(episode, load=load)
+    problem = place_model(twin.model, twin.grasp, observed)
     times = problem.episode.times
     if times[-1] < LEAST_RECORD_S:
         raise DiscrepancyError(
-            f"{episode.name}: {times[-1]:.2f} s after the object first turned say nothing of what a twin lacks; record "
-            "some swings"
+            f"{episode.name}: {times[-1]:.2f} s after the object first turned back say nothing of what a twin lacks; "
+            "record some oscillations"
         )
     count = problem.episode.points.shape[1]
     mounted = stands_still(problem.controls.positions)
-    block = max(SWING_BLOCK_S if mounted else BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
-    return Observation(
+    block = max(RING_DOWN_BLOCK_S if mounted else BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
+    return TrackedEpisode(
         problem=problem,
         tracks=_tracks(problem),
         touched=0,
@@ -84,14 +62,22 @@ def observe_markers(twin: Twin, episode: Episode, *, load: float = 0.0) -> Obser
         blocks=np.floor((times + 0.5 * float(np.median(np.diff(times)))) / block).astype(int),
         rate=FREE,
         mounted=mounted,
-        record=from_all_seen(episode),
+        record=observed.record,
     )
 
 
-def effects_untold(kind: ObjectKind, observations: Sequence[Observation]) -> tuple[str, ...]:
-    """Effects that episodes of an object cannot tell, to be left out of a diagnosis."""
-    still = NOT_TOLD_BY_A_STILL_CLAMP if all(each.mounted for each in observations) else ()
-    return (*OF_A_TABLE, *still, *(OF_SPRINGS if kind == ObjectKind.ROD else ()))
+def unidentifiable_effects(kind: Kind, observations: Sequence[TrackedEpisode]) -> tuple[str, ...]:
+    """Effects that episodes of an object of a kind cannot tell, to be left out of a diagnosis.
+
+    Records of markers do not tell what a table does. What a clamp that stands still does to held points is how it was
+    mounted.
+    """
+    absent = set(kind.cannot_tell)
+    if all(each.free for each in observations):
+        absent.add(Need.TABLE)
+    if all(each.mounted for each in observations):
+        absent.add(Need.MOVING_GRIP)
+    return tuple(effect.name for effect in LIBRARY.values() if effect.traits.needs & absent)
 
 
 def _tracks(problem: FitProblem) -> ObservedTracks:

@@ -1,7 +1,7 @@
-"""The twin as an observer: it runs beside the episode and is drawn towards what was seen.
+"""The twin as an observer: it runs beside the episode and is nudged towards what was seen.
 
-x'' = (twin) + w^2 (y - x) + 2 z w (y' - x'). A free rollout of a soft object drifts away and then tells little; drawn
-this way it stays near for the whole episode, and a force per mass that it lacks shows as a steady offset a / w^2 of the
+x'' = (twin) + w^2 (y - x) + 2 z w (y' - x'). A free rollout of a soft object drifts away and then tells little; nudged
+it stays near for the whole episode, and a force per mass that it lacks shows as a steady offset a / w^2 of the
 observations y. This is the prediction-error method with a fixed gain (Ljung, System Identification, 1999, ch. 7): the
 offsets, the innovations, are what parameters and effects are fitted to.
 """
@@ -18,10 +18,10 @@ DAMPING_RATIO = 0.7
 
 
 class TrackNudging:
-    """What draws the nodes of twins towards observed tracks."""
+    """What nudges the nodes of twins towards observed tracks."""
 
     def __init__(self, tracks: ObservedTracks, times: np.ndarray, *, rate: float = RATE) -> None:
-        """Draw towards tracks seen at `times` [T]."""
+        """Nudge towards tracks seen at `times` [T]."""
         self.tracks, self.times, self.rate = tracks, times, rate
         weights = abs(tracks.weights)
         self.spread = weights.T.tocsr()
@@ -36,9 +36,9 @@ class TrackNudging:
         seen = self.seen[frame]
         offset = self.target[frame] - self.tracks.on_twin(positions)
         damping = 2.0 * DAMPING_RATIO * self.rate
-        pull = (self.rate**2 * offset + damping * self.speed[frame]) * seen[:, None]
+        nudge = (self.rate**2 * offset + damping * self.speed[frame]) * seen[:, None]
         share = self.spread @ seen.astype(float)
         share_inverse = np.where(share > 0, 1.0 / np.maximum(share, 1e-9), 0.0)
-        flat = pull.transpose(1, 0, 2).reshape(len(seen), -1)
+        flat = nudge.transpose(1, 0, 2).reshape(len(seen), -1)
         accelerations = (self.spread @ flat).reshape(len(share), -1, 3).transpose(1, 0, 2)
         return accelerations * share_inverse[:, None], np.where(share > 0, damping, 0.0)

@@ -9,28 +9,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.fitted_parameters import Knob, turned
-from egophys_core.diagnosis.evidence.residuals import Observation, residuals
+from egophys_core.diagnosis.evidence.fitted_parameters import FreeParameter, with_values
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.twin import ObjectModel
 
 CORRELATED = 3.0
 """Residuals that say the same: neighbouring patches are not independent."""
 
-DAMPINGS = (0.001, 0.01, 0.1, 1.0, 10.0, 100.0)
+LM_DAMPINGS = (0.001, 0.01, 0.1, 1.0, 10.0, 100.0)
 """Levenberg-Marquardt's lambdas, tried side by side: with the long steps one group of lanes, as cheap as one."""
 
 LONG_STEPS, LONGER = 2, 2.0
 """The least damped steps are also tried at twice their length: far from the optimum residuals saturate the loss."""
 
 ACROSS = 0.5
-"""Steps by which each knob alone is tried where no other step helps: slopes mislead where an object buckles."""
+"""Steps by which each parameter alone is tried where no other step helps: slopes mislead where an object buckles."""
 
-SECANT_OF_SWINGS = 0.1
-"""Of a step of a knob, or the size of an effect, over which slopes of free rollouts are taken: a swing that is a few
-percent faster is soon out of step."""
+SECANT_OF_FREE_ROLLOUTS = 0.1
+"""Of a step of a parameter, or the size of an effect, over which slopes of free rollouts are taken: an
+oscillation that is a few percent faster is soon out of phase."""
 
 PRIOR_STEPS = 10.0
-"""Standard deviation of a knob's prior about its start, in steps: keeps what the data say nothing of where it was."""
+"""Standard deviation of a parameter's prior about its start, in steps: what the data say nothing of stays there."""
 
 LEAST_GAIN = 0.5
 """Improvement of the loss below which a refit ends."""
@@ -47,8 +47,8 @@ class Fitted:
     residuals: list[np.ndarray]
     """Per episode [B, Q, 3] metres."""
     jacobian: list[np.ndarray]
-    """Per episode [B, Q, 3, D]: change of the residuals per step of each knob."""
-    knobs: tuple[Knob, ...]
+    """Per episode [B, Q, 3, D]: change of the residuals per step of each parameter."""
+    parameters: tuple[FreeParameter, ...]
     scale: float
     """s of the loss, metres."""
 
@@ -73,50 +73,50 @@ def median_size(found: Sequence[np.ndarray]) -> float:
     return float(np.median(np.concatenate([np.abs(each[np.isfinite(each)]) for each in found])))
 
 
-def residual_scale(observations: Sequence[Observation], found: Sequence[np.ndarray]) -> float:
+def residual_scale(observations: Sequence[TrackedEpisode], found: Sequence[np.ndarray]) -> float:
     """s, metres: the median size of a residual's component, at least what is evidence there."""
     return max(median_size(found), observations[0].least_scale)
 
 
 def refit(
-    observations: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
     model: ObjectModel,
-    knobs: Sequence[Knob],
+    parameters: Sequence[FreeParameter],
     *,
     iterations: int,
     scale: float | None = None,
 ) -> Fitted:
-    """Turn knobs until the residuals are least.
+    """Adjust parameters until the residuals are least.
 
     Args:
         scale: s of the loss, metres; by default from the residuals at the start.
     """
-    knobs = tuple(knobs)
-    found, jacobian = linearised(observations, model, knobs)
+    parameters = tuple(parameters)
+    found, jacobian = linearised(observations, model, parameters)
     scale = scale or residual_scale(observations, found)
-    start = Fitted(model=model, residuals=found, jacobian=jacobian, knobs=knobs, scale=scale)
+    start = Fitted(model=model, residuals=found, jacobian=jacobian, parameters=parameters, scale=scale)
     return refit_further(observations, start, iterations=iterations)
 
 
-def refit_further(observations: Sequence[Observation], fitted: Fitted, *, iterations: int) -> Fitted:
+def refit_further(observations: Sequence[TrackedEpisode], fitted: Fitted, *, iterations: int) -> Fitted:
     """Go on from the end of a refit, which is a start like any other: the prior is about it."""
-    model, found, jacobian, knobs, scale = (
+    model, found, jacobian, parameters, scale = (
         fitted.model,
         fitted.residuals,
         fitted.jacobian,
-        fitted.knobs,
+        fitted.parameters,
         fitted.scale,
     )
-    start = np.array([knob.position(model) for knob in knobs])
+    start = np.array([parameter.position(model) for parameter in parameters])
     here = start.copy()
     for _ in range(iterations):
-        steps = [_step(found, jacobian, scale, here - start, damping) for damping in DAMPINGS]
+        steps = [_step(found, jacobian, scale, here - start, damping) for damping in LM_DAMPINGS]
         along = [*steps, *(LONGER * each for each in steps[:LONG_STEPS])]
-        across = [sign * ACROSS * each for each in np.eye(len(knobs)) for sign in (-1.0, 1.0)]
+        across = [sign * ACROSS * each for each in np.eye(len(parameters)) for sign in (-1.0, 1.0)]
         enough = _objective(found, scale, here - start) - LEAST_GAIN
         for group in (along, across):
-            trials = [turned(model, knobs, here + step) for step in group]
-            positions = [np.array([knob.position(trial) for knob in knobs]) for trial in trials]
+            trials = [with_values(model, parameters, here + step) for step in group]
+            positions = [np.array([parameter.position(trial) for parameter in parameters]) for trial in trials]
             results = residuals(observations, trials)
             scores = [
                 _objective([each[row] for each in results], scale, positions[row] - start) for row in range(len(group))
@@ -127,14 +127,14 @@ def refit_further(observations: Sequence[Observation], fitted: Fitted, *, iterat
         else:
             break
         model, here = trials[best], positions[best]
-        found, jacobian = linearised(observations, model, knobs)
-    return Fitted(model=model, residuals=found, jacobian=jacobian, knobs=knobs, scale=scale)
+        found, jacobian = linearised(observations, model, parameters)
+    return Fitted(model=model, residuals=found, jacobian=jacobian, parameters=parameters, scale=scale)
 
 
 def refit_from(
-    observations: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
     starts: Sequence[ObjectModel],
-    knobs: Sequence[Knob],
+    parameters: Sequence[FreeParameter],
     *,
     scale: float,
     iterations: int,
@@ -145,34 +145,36 @@ def refit_from(
         starts: the best first; of `FINALISTS` of them the one that is best after some steps is refitted to the end.
         iterations: most steps from start to end.
     """
-    trials = [refit(observations, start, knobs, iterations=TRIAL_STEPS, scale=scale) for start in starts[:FINALISTS]]
+    trials = [
+        refit(observations, start, parameters, iterations=TRIAL_STEPS, scale=scale) for start in starts[:FINALISTS]
+    ]
     best = min(trials, key=lambda each: each.loss)
     return refit_further(observations, best, iterations=max(0, iterations - TRIAL_STEPS))
 
 
 def _objective(found: Sequence[np.ndarray], scale: float, moved: np.ndarray) -> float:
-    """The loss and the prior of knobs that moved [D] steps from their start."""
+    """The loss and the prior of parameters that moved [D] steps from their start."""
     return robust_loss(found, scale) + 0.5 * float(np.sum((moved / PRIOR_STEPS) ** 2))
 
 
-def secant_of(observations: Sequence[Observation]) -> float:
-    """The share of a step of a knob, or of the size of an effect, over which slopes are taken."""
-    return SECANT_OF_SWINGS if all(each.free for each in observations) else 1.0
+def secant_of(observations: Sequence[TrackedEpisode]) -> float:
+    """The share of a step of a parameter, or of the size of an effect, over which slopes are taken."""
+    return SECANT_OF_FREE_ROLLOUTS if all(each.free for each in observations) else 1.0
 
 
 def linearised(
-    observations: Sequence[Observation], model: ObjectModel, knobs: Sequence[Knob]
+    observations: Sequence[TrackedEpisode], model: ObjectModel, parameters: Sequence[FreeParameter]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Residuals [B, Q, 3] of each episode at a model, and their change [B, Q, 3, D] per step of each knob."""
+    """Residuals [B, Q, 3] of each episode at a model, and their change [B, Q, 3, D] per step of each parameter."""
     secant = secant_of(observations)
     neighbours, steps = [], []
-    for knob in knobs:
-        at = knob.position(model)
-        # Backwards where the knob stands at its upper end.
-        ahead = knob.to(model, at + secant)
-        there = ahead if abs(knob.position(ahead) - at) > 0.1 * secant else knob.to(model, at - secant)
+    for parameter in parameters:
+        at = parameter.position(model)
+        # Backwards where the parameter stands at its upper end.
+        ahead = parameter.to(model, at + secant)
+        there = ahead if abs(parameter.position(ahead) - at) > 0.1 * secant else parameter.to(model, at - secant)
         neighbours.append(there)
-        steps.append(knob.position(there) - at)
+        steps.append(parameter.position(there) - at)
     results = residuals(observations, [model, *neighbours])
     return (
         [each[0] for each in results],

@@ -16,9 +16,8 @@ from egophys_core.diagnosis.evidence.innovations import innovations
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, observed_tracks
 from egophys_core.diagnosis.evidence.observer import RATE, TrackNudging
 from egophys_core.episode import Episode
-from egophys_core.kinds.rest_shape import farthest_points
-from egophys_core.observation import FitProblem, prepare
-from egophys_core.observation.at_rest import observed_at_rest
+from egophys_core.geometry import farthest_points
+from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, prepare
 from egophys_core.simulation import LANES, Controls, batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 
@@ -35,7 +34,7 @@ BATCH = 32
 """Models that are simulated together: a bound on memory."""
 
 LEAST_SCALE, LEAST_SCALE_OF_MARKERS = 1e-3, 2e-4
-"""Metres: no twin is better than this, and smaller residuals are no evidence. What swings in a clamp is not chaotic,
+"""Metres: no twin is better than this, and smaller residuals are no evidence. A ring-down in a clamp is not chaotic,
 and its markers have hardly any noise."""
 
 FEWEST_IN_BLOCK = 4
@@ -43,8 +42,8 @@ FEWEST_IN_BLOCK = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Observation:
-    """An episode prepared for observers of one twin."""
+class TrackedEpisode:
+    """An episode prepared for observers of one twin: its tracks, in patches and blocks of time."""
 
     problem: FitProblem
     tracks: ObservedTracks
@@ -70,7 +69,7 @@ class Observation:
 
     @property
     def free(self) -> bool:
-        """Whether nothing draws the twin to the tracks: few markers on an object in a clamp."""
+        """Whether nothing nudges the twin to the tracks: few markers on an object in a clamp."""
         return self.rate == 0
 
     @property
@@ -93,26 +92,26 @@ class Observation:
         return self.problem.controls.part(slice(self.first, None))
 
 
-Job = tuple[Observation, Sequence[ObjectModel]]
+Job = tuple[TrackedEpisode, Sequence[ObjectModel]]
 """Rollouts that are simulated together: in an episode, of some models."""
 
 
-def observe(model: ObjectModel, episode: Episode) -> Observation:
-    """Place the twin in an episode.
+def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
+    """Place the twin in an episode that shows its surface.
 
     Raises:
         EpisodeError: no hand ever moves the object.
     """
-    graph = model.graph
+    graph, observed = model.graph, observe_episode(episode)
     spacing = float(np.median(graph.rest_lengths))
-    problem = prepare(episode, graph.positions, graph.surface, spacing=spacing)
-    touched = observed_at_rest(episode, problem.hands)[0]
+    problem = prepare(observed, graph.positions, graph.surface, spacing=spacing)
+    touched = observed.touched
     tracks = observed_tracks(problem, graph.surface, touched)
     rest = np.nanmean(tracks.positions[: max(touched, 1)], axis=0)
     centres = rest[farthest_points(rest, PATCHES)]
-    times = episode.times
+    times = observed.episode.times
     blocks = np.floor((times - times[touched]) / BLOCK_S).astype(int)
-    return Observation(
+    return TrackedEpisode(
         problem=problem,
         tracks=tracks,
         touched=touched,
@@ -122,7 +121,7 @@ def observe(model: ObjectModel, episode: Episode) -> Observation:
     )
 
 
-def track_offsets(observation: Observation, models: Sequence[ObjectModel]) -> tuple[np.ndarray, np.ndarray]:
+def track_offsets(observation: TrackedEpisode, models: Sequence[ObjectModel]) -> tuple[np.ndarray, np.ndarray]:
     """Where each model's observer leaves the tracks unexplained.
 
     Returns:
@@ -136,7 +135,7 @@ def track_offsets(observation: Observation, models: Sequence[ObjectModel]) -> tu
         velocities=[problem.velocities] * count,
         ground_height=problem.episode.ground_height,
     )
-    # Nothing draws free rollouts.
+    # Free rollouts are not nudged.
     if not observation.free:
         nudging = TrackNudging(observation.tracks, problem.episode.times, rate=observation.rate)
         batch = replace(batch, nudging=nudging)
@@ -146,7 +145,7 @@ def track_offsets(observation: Observation, models: Sequence[ObjectModel]) -> tu
     return offsets, np.array([failure is not None for failure in result.failures])
 
 
-def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
+def block_means(observation: TrackedEpisode, offsets: np.ndarray) -> np.ndarray:
     """[K, B, Q, 3] metres: offsets [K, T - first, P, 3] averaged over cells; NaN where too few tracks are seen."""
     blocks = observation.blocks[observation.first :]
     cells = blocks[:, None] * PATCHES + observation.patches[None]
@@ -163,7 +162,7 @@ def block_means(observation: Observation, offsets: np.ndarray) -> np.ndarray:
 
 
 def residuals(
-    observations: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
     models: Sequence[ObjectModel],
     *,
     progress: Callable[[float], None] = lambda share: None,
@@ -201,7 +200,7 @@ def _rollouts_together(episodes: int, models: int) -> int:
     return LANES * max(1, -(-groups // shares))
 
 
-def _left_in_blocks(observation: Observation, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
+def _left_in_blocks(observation: TrackedEpisode, offsets: np.ndarray, diverged: np.ndarray) -> np.ndarray:
     means = block_means(observation, offsets)
     found = np.full_like(means, np.inf)
     if not observation.free:

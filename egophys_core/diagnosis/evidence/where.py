@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.diagnosis.diagnosis import Where
-from egophys_core.diagnosis.evidence.residuals import Observation
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.simulation import ContactKind
 
 NEAR_HAND, FAR_FROM_HAND = 0.05, 0.12
@@ -16,7 +16,7 @@ ON_TABLE = 0.01
 """Metres above its rest height below which a track counts as lying on the table."""
 
 
-def where(observations: Sequence[Observation], offsets: Sequence[np.ndarray], law: str) -> Where:
+def where(observations: Sequence[TrackedEpisode], offsets: Sequence[np.ndarray], law: str) -> Where:
     """Sort offsets [F, P, 3] of each episode, metres, measured minus twin, by place, time, speed and strain.
 
     Args:
@@ -57,7 +57,7 @@ def where(observations: Sequence[Observation], offsets: Sequence[np.ndarray], la
     )
 
 
-def _distance_to_hand(observation: Observation, rest: np.ndarray) -> np.ndarray:
+def _distance_to_hand(observation: TrackedEpisode, rest: np.ndarray) -> np.ndarray:
     """[P] metres at rest to the nearest controller point as it first touches."""
     controls = observation.problem.controls
     places = [

@@ -1,30 +1,30 @@
-"""The contest: effects that are worth it are refitted, then those that mimic the best, then the twin without any.
+"""Model selection: effects that are worth it are refitted, then confounders of the best, then the twin without any.
 
-A refit ends in the nearest of many optima. So that none wins by a better start alone, what mimics the best effect
-starts from where that one led as well, and so does, at last, the twin without an effect.
+A refit ends in the nearest of many optima. So that none wins by a better start alone, a confounder of the best
+effect starts from where that one led as well, and so does, at last, the twin without an effect.
 """
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from egophys_core.diagnosis.evidence.fitted_parameters import effect_knobs, effect_values
+from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameters, effect_values
 from egophys_core.diagnosis.evidence.refit import Fitted, refit_from
-from egophys_core.diagnosis.hypotheses.ranking import Ranked
+from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.diagnosis.hypotheses.starts import starts_beside, starts_from_rival
-from egophys_core.diagnosis.problem import Inquiry, Progress
-from egophys_core.diagnosis.verdict.decide import LEAST_GAIN, kin
+from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
+from egophys_core.diagnosis.verdict.penalised_gain import nested
 from egophys_core.effects import effect_named
 from egophys_core.twin import ObjectModel
 
-MIMICS = 2
-"""Effects beyond the shortlist that are refitted because they mimic the best of it."""
+MOST_CONFOUNDERS = 2
+"""Effects beyond the shortlist that are refitted as confounders of the best of it."""
 
 WORTH_ANOTHER = 0.3
-"""Share of the best effect's gain from which one that mimics it is refitted from where the best one led, too."""
+"""Share of the best effect's gain from which its confounder is refitted from where the best one led, too."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contest:
+class ModelSelection:
     """How it ended."""
 
     before: Fitted
@@ -33,10 +33,10 @@ class Contest:
     """With each effect by name."""
 
 
-def contest(
-    inquiry: Inquiry,
+def select_models(
+    problem: DiagnosisProblem,
     before: Fitted,
-    effects: Mapping[str, Ranked],
+    effects: Mapping[str, RankedEffect],
     chosen: Collection[str],
     reserve: Sequence[str],
     progress: Progress,
@@ -44,24 +44,24 @@ def contest(
     earlier: Mapping[str, ObjectModel],
     others: Sequence[ObjectModel],
     far: Mapping[str, Sequence[ObjectModel]],
-) -> Contest:
+) -> ModelSelection:
     """Refit the effects, those that turn out to be like the best, and the twin without any.
 
     Args:
         before: the twin without an effect.
         effects: the whole library, by name.
         chosen: names of those that are refitted in any case.
-        reserve: names of those that are if they mimic the best of these, the likeliest first.
+        reserve: names of those that are if they are confounders of the best of these, the likeliest first.
         earlier: by name, where refits ended on a coarser scale, after all this; these start there, and there alone.
         others: twins without an effect at which refits may start as well.
         far: by name, twins with an effect at which its refit may start as well.
     """
-    observations, scale, iterations = inquiry.observations, before.scale, inquiry.options.refit_iterations
+    observations, scale, iterations = problem.observations, before.scale, problem.options.refit_iterations
     fits: dict[str, Fitted] = {}
 
     def refit_with(name: str, starts: Sequence[ObjectModel]) -> Fitted:
-        knobs = (*before.knobs, *effect_knobs(effect_named(name)))
-        return refit_from(observations, starts, knobs, scale=scale, iterations=iterations)
+        parameters = (*before.parameters, *effect_parameters(effect_named(name)))
+        return refit_from(observations, starts, parameters, scale=scale, iterations=iterations)
 
     def gain(name: str) -> float:
         return before.loss - fits[name].loss
@@ -78,8 +78,8 @@ def contest(
         progress(f"refit with {name}", 0.5 * index / len(chosen))
         fits[name] = refit_with(name, own_starts(name))
     best = max(fits, key=gain, default="")
-    if best and gain(best) >= LEAST_GAIN:
-        for name in [each for each in reserve if each in effect_named(best).traits.confounders][:MIMICS]:
+    if best and gain(best) >= problem.thresholds.least_gain:
+        for name in [each for each in reserve if each in effect_named(best).traits.confounders][:MOST_CONFOUNDERS]:
             progress(f"refit with {name}", 0.5)
             fits[name] = refit_with(name, own_starts(name))
         had = set(earlier)
@@ -96,14 +96,16 @@ def contest(
         progress("refit without an effect from where effects led", 0.9)
         led = [fits[name].model for name in sorted(fits, key=gain, reverse=True)]
         starts = [replace(model, effects=model.effects[:-1]) for model in led]
-        relieved = refit_from(observations, starts, before.knobs, scale=scale, iterations=iterations)
+        relieved = refit_from(observations, starts, before.parameters, scale=scale, iterations=iterations)
         before = min(before, relieved, key=lambda each: each.loss)
-    return Contest(before=before, fits=fits)
+    return ModelSelection(before=before, fits=fits)
 
 
 def _again(best: str, gains: Mapping[str, float], in_the_air: bool) -> set[str]:
-    """The effects that start from where the best one led: its kin, and what mimics it and gains much."""
+    """Effects that start where the best one led: nested ones, and its confounders that gain much."""
     near = {name for name, gain in gains.items() if gain >= WORTH_ANOTHER * gains[best]}
-    found = kin(best) | near.intersection(effect_named(best).traits.confounders)
-    # Without a table that lies aslant, too, a tilted frame is tilted gravity.
-    return found | {"tracking_rotation"} if in_the_air and "gravity_tilt" in near else found
+    found = nested(best) | near.intersection(effect_named(best).traits.confounders)
+    if in_the_air:
+        # Without a table that lies aslant, too, a tilted frame is tilted gravity.
+        found |= {other for name in near for other in effect_named(name).traits.equivalent_in_air}
+    return found

@@ -6,26 +6,32 @@ from typing import Any
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.fitted_parameters import at_null, effect_knobs, part_way, sizes_of, with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import (
+    at_null,
+    effect_parameters,
+    part_way,
+    sizes_of,
+    with_effect,
+)
 from egophys_core.diagnosis.evidence.linear_problem import (
     Columns,
     LinearProblem,
-    base_columns,
+    baseline_columns,
     fit,
     fitted_gain,
     left_out_losses,
-    sham,
+    surrogate,
 )
 from egophys_core.diagnosis.evidence.refit import secant_of
-from egophys_core.diagnosis.evidence.residuals import Observation, residuals
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.effects import LIBRARY, Effect, Surroundings
 from egophys_core.twin import ObjectModel
 
 LEAST_SHIFT = 0.15
-"""Share of an episode by which a sham is at least turned."""
+"""Share of an episode by which a surrogate is at least shifted."""
 
-SHAMMED = 8
-"""Effects whose regressors are shifted for shams."""
+SURROGATE_EFFECTS = 8
+"""Effects whose regressors are shifted for surrogates."""
 
 BEST_STARTS = 8
 """Starts of an effect, the best by their slopes, from which refits may begin."""
@@ -51,29 +57,32 @@ class Probe:
         return at_null(self.effect, self.start)
 
     def columns(self, values: np.ndarray) -> Columns:
-        """The slopes, or shams of them, as columns [M, C] within the bounds of the sizes."""
-        knobs = {knob.parameter.name: knob for knob in effect_knobs(self.effect)}
+        """The slopes, or surrogates of them, as columns [M, C] within the bounds of the sizes."""
+        parameters = {parameter.definition.name: parameter for parameter in effect_parameters(self.effect)}
         ends = np.array(
             [
-                [knobs[name].position_of(end) for end in (knobs[name].parameter.low, knobs[name].parameter.high)]
+                [
+                    parameters[name].position_of(end)
+                    for end in (parameters[name].definition.low, parameters[name].definition.high)
+                ]
                 for name in self.sizes
             ]
         ).reshape(-1, 2)
-        at = np.array([knobs[name].position_of(self.null[name]) for name in self.sizes])
+        at = np.array([parameters[name].position_of(self.null[name]) for name in self.sizes])
         return Columns(values=values, low=ends[:, 0] - at, high=ends[:, 1] - at)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ranked:
+class RankedEffect:
     """The best start of an effect, by the linear problem."""
 
     probe: Probe
     starts: tuple[dict[str, float], ...]
-    """The effect's best starts, the probe's first, at most `BEST_STARTS`, their sizes turned to where slopes point."""
+    """The effect's best starts, the probe's first, at most `BEST_STARTS`, their sizes as slopes point."""
     values: dict[str, float]
     """Parameters at the linear optimum."""
-    base_steps: np.ndarray
-    """[D] steps of the base knobs to that optimum."""
+    baseline_steps: np.ndarray
+    """[D] steps of the baseline parameters to that optimum."""
     fitted_gain: float
     held_out_gain: float
 
@@ -87,16 +96,16 @@ class Ranked:
 class Ranking:
     """All effects, best first, and what chance gains."""
 
-    ranked: list[Ranked]
+    ranked: list[RankedEffect]
     chance: np.ndarray
-    """[S] held-out gain of each sham, the largest over effects."""
+    """[S] held-out gain of each surrogate, the largest over effects."""
 
     def p_null(self, gain: float) -> float:
-        """Share of shams that gain as much."""
+        """Share of surrogates that gain as much."""
         return float((1 + (self.chance >= gain).sum()) / (1 + len(self.chance)))
 
 
-def surroundings(model: ObjectModel, observations: Sequence[Observation]) -> Surroundings:
+def surroundings(model: ObjectModel, observations: Sequence[TrackedEpisode]) -> Surroundings:
     """Where and when the episodes happen."""
     points = [each.tracks.positions.reshape(-1, 3) for each in observations]
     return Surroundings(
@@ -109,7 +118,7 @@ def surroundings(model: ObjectModel, observations: Sequence[Observation]) -> Sur
 
 
 def probe_effects(
-    observations: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
     model: ObjectModel,
     found: Sequence[np.ndarray],
     *,
@@ -142,8 +151,8 @@ def probe_effects(
             mine = [(next(rows), secant * _steps(effect, name, start)) for name in sizes_of(effect)]
             slopes.append(
                 [
-                    _finite(np.stack([(results[index][row] - base) / steps for row, steps in mine], axis=-1))
-                    for index, base in enumerate(found)
+                    _finite(np.stack([(results[index][row] - baseline) / steps for row, steps in mine], axis=-1))
+                    for index, baseline in enumerate(found)
                 ]
             )
         probes.extend(_probes(effect, effect.starts(around), shares, slopes))
@@ -182,20 +191,20 @@ def _probes(
 
 def _steps(effect: Effect, name: str, start: Mapping[str, float]) -> float:
     """How many steps of a parameter lie between null and start."""
-    knob = next(each for each in effect_knobs(effect) if each.parameter.name == name)
-    return knob.position_of(start[name]) - knob.position_of(at_null(effect, start)[name])
+    parameter = next(each for each in effect_parameters(effect) if each.definition.name == name)
+    return parameter.position_of(start[name]) - parameter.position_of(at_null(effect, start)[name])
 
 
-def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: int) -> Ranking:
+def rank(problem: LinearProblem, probes: Sequence[Probe], *, surrogates: int, seed: int) -> Ranking:
     """The effects by what they gain on stretches of time that were left out, best first."""
     by_effect: dict[str, list[Probe]] = {}
     for probe in probes:
         by_effect.setdefault(probe.effect.name, []).append(probe)
-    base = base_columns(problem)
-    base_loss = left_out_losses(problem, base, problem.fold).sum()
+    baseline = baseline_columns(problem)
+    baseline_loss = left_out_losses(problem, baseline, problem.fold).sum()
 
     def held_out(columns: Columns) -> float:
-        return float(base_loss - left_out_losses(problem, base.beside(columns), problem.fold).sum())
+        return float(baseline_loss - left_out_losses(problem, baseline.beside(columns), problem.fold).sum())
 
     chosen: list[tuple[Probe, float, float]] = []
     starts: dict[str, tuple[dict[str, float], ...]] = {}
@@ -204,20 +213,20 @@ def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: i
         gains = [fitted_gain(problem, each) for each in columns]
         order = np.argsort(gains)[::-1]
         best = order[0]
-        starts[name] = tuple(_turned_start(problem, group[row]) for row in order[:BEST_STARTS])
+        starts[name] = tuple(_directed_start(problem, group[row]) for row in order[:BEST_STARTS])
         chosen.append((group[best], gains[best], held_out(columns[best])))
-    # Shams of the starts that won: enough to say what a regressor of that shape gains by chance.
+    # Surrogates of the starts that won: enough to say what a regressor of that shape gains by chance.
     generator = np.random.default_rng(seed)
-    winners = [probe for probe, _, _ in sorted(chosen, key=lambda each: -each[2])[:SHAMMED]]
-    chance = np.zeros(shams)
-    for index in range(shams):
+    winners = [probe for probe, _, _ in sorted(chosen, key=lambda each: -each[2])[:SURROGATE_EFFECTS]]
+    chance = np.zeros(surrogates)
+    for index in range(surrogates):
         shares = generator.uniform(LEAST_SHIFT, 1.0 - LEAST_SHIFT, len(problem.cells))
         patches = generator.permutation(problem.cells[0].shape[1])
         chance[index] = max(
-            [0.0, *(held_out(probe.columns(sham(problem, probe.slopes, shares, patches))) for probe in winners)]
+            [0.0, *(held_out(probe.columns(surrogate(problem, probe.slopes, shares, patches))) for probe in winners)]
         )
     ranked = [
-        Ranked(
+        RankedEffect(
             probe=probe,
             starts=starts[probe.effect.name],
             **_optimum(problem, probe),
@@ -230,12 +239,12 @@ def rank(problem: LinearProblem, probes: Sequence[Probe], *, shams: int, seed: i
 
 
 def _optimum(problem: LinearProblem, probe: Probe) -> dict[str, Any]:
-    """The effect's parameters at the linear optimum, within bounds, and the steps of the base knobs to there."""
-    base_steps, steps = _optimal_steps(problem, probe)
-    return {"values": _moved(probe, steps), "base_steps": base_steps}
+    """The effect's parameters at the linear optimum, within bounds, and steps of the baseline parameters to there."""
+    baseline_steps, steps = _optimal_steps(problem, probe)
+    return {"values": _moved(probe, steps), "baseline_steps": baseline_steps}
 
 
-def _turned_start(problem: LinearProblem, probe: Probe) -> dict[str, float]:
+def _directed_start(problem: LinearProblem, probe: Probe) -> dict[str, float]:
     """The start with its sizes as large as they are, together, and in proportion as at the linear optimum."""
     _, steps = _optimal_steps(problem, probe)
     length = np.linalg.norm(steps)
@@ -246,16 +255,16 @@ def _turned_start(problem: LinearProblem, probe: Probe) -> dict[str, float]:
 
 
 def _optimal_steps(problem: LinearProblem, probe: Probe) -> list[np.ndarray]:
-    """Steps [D] of the base knobs and [C] of the sizes at the linear optimum."""
-    columns = base_columns(problem).beside(probe.columns(problem.column(probe.slopes)))
-    return np.split(fit(problem.residual, columns, problem.scale), [problem.base.shape[1]])
+    """Steps [D] of the baseline parameters and [C] of the sizes at the linear optimum."""
+    columns = baseline_columns(problem).beside(probe.columns(problem.column(probe.slopes)))
+    return np.split(fit(problem.residual, columns, problem.scale), [problem.baseline.shape[1]])
 
 
 def _moved(probe: Probe, steps: np.ndarray) -> dict[str, float]:
     """The effect's parameters so many steps [C] of its sizes from null."""
     values = dict(probe.null)
-    for knob in effect_knobs(probe.effect):
-        name = knob.parameter.name
+    for parameter in effect_parameters(probe.effect):
+        name = parameter.definition.name
         if name in probe.sizes:
-            values[name] = knob.value_at(knob.position_of(probe.null[name]) + steps[probe.sizes.index(name)])
+            values[name] = parameter.value_at(parameter.position_of(probe.null[name]) + steps[probe.sizes.index(name)])
     return values

@@ -1,8 +1,8 @@
 """Where refits of a cable start: with each effect, on rods of all rigidities.
 
-A swing that is out of step looks as wrong as any other. Without the effect a cable's twin ends where it swings least,
-as a bar or in a thick fluid, and from there no slope leads to the effect; with the effect at about its size the error
-has a deep and narrow valley over the rigidity, which a scan does not miss (docs/notes/rods.md).
+An oscillation that is out of phase looks as wrong as any other. Without the effect a cable's twin ends where it moves
+least, as a bar or in a thick fluid, and from there no slope leads to the effect; with the effect at about its size the
+error has a deep and narrow valley over the rigidity, which a scan does not pass over (docs/notes/rods.md).
 """
 
 from collections.abc import Callable, Sequence
@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.diagnosis.evidence.refit import robust_loss
-from egophys_core.diagnosis.evidence.residuals import Observation, residuals
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.diagnosis.hypotheses.large_amplitude import there_and_beyond
-from egophys_core.diagnosis.hypotheses.ranking import Ranked
-from egophys_core.identification.marker_unknowns import DAMPING_RATIO, retardation_of, rigidity_of, with_bending
+from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
+from egophys_core.kinds.rod import DAMPING_RATIO, retardation_of, rigidity_of, with_bending
 from egophys_core.twin import ObjectModel
 
 LENGTHS = np.geomspace(0.03, 0.25, 8)
 """(EI / weight per length)^(1/3) over the length of a rod: cables bend over these; bars need no scan, and much time."""
 
 PLACES = 3
-"""Starts of each effect, the best by their slopes, each tried at its leaps as well."""
+"""Starts of each effect, the best by their slopes, each tried at large amplitudes as well."""
 
 KEPT = 3
 """Starts on rods of each effect that may be refitted."""
@@ -41,9 +41,9 @@ class RodStart:
 
 
 def rod_starts(
-    observations: Sequence[Observation],
+    observations: Sequence[TrackedEpisode],
     model: ObjectModel,
-    effects: Sequence[Ranked],
+    effects: Sequence[RankedEffect],
     scale: float,
     *,
     progress: Callable[[float], None],

@@ -4,33 +4,34 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare
 from egophys_core.diagnosis.evidence.generic_law import Law, find_law
-from egophys_core.diagnosis.evidence.judging import Judged, judge, proven
+from egophys_core.diagnosis.evidence.judging import RefittedEffect, judge, validated
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.refit import Fitted, median_size, refit_further, robust_loss
-from egophys_core.diagnosis.hypotheses.large_amplitude import Leap, leap_gains, leap_off
-from egophys_core.diagnosis.hypotheses.model_selection import contest
-from egophys_core.diagnosis.hypotheses.ranking import Probe, Ranked, Ranking, probe_effects, rank
+from egophys_core.diagnosis.hypotheses.large_amplitude import (
+    LargeAmplitudeProbe,
+    large_amplitude_gains,
+    probe_at_large_amplitude,
+)
+from egophys_core.diagnosis.hypotheses.model_selection import select_models
+from egophys_core.diagnosis.hypotheses.ranking import Probe, RankedEffect, Ranking, probe_effects, rank
 from egophys_core.diagnosis.hypotheses.rod_starts import RodStart, rod_starts
-from egophys_core.diagnosis.problem import Inquiry, Progress
-from egophys_core.diagnosis.verdict.decide import FLOOR_M, LARGEST_P, LEAST_GAIN, Verdict, decide, explaining
-from egophys_core.twin import ObjectKind, ObjectModel
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
+from egophys_core.diagnosis.verdict.decide import Verdict, decide, nearest_miss
+from egophys_core.effects import LIBRARY
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel
 
-WORTH_REFITTING = LEAST_GAIN / 6.0
-"""Held-out gain of the linear problem below which a refit has never found what was asked for."""
+Criteria = dict[str, tuple[CriterionResult, ...]]
+"""Per effect what it was held against."""
 
 FINER = 0.7
 """Of the scale of the residuals: where an effect leaves less, all are judged again by what it leaves."""
 
-OUT_OF_STEP_M = FLOOR_M
-"""Metres: scale of residuals from which a cable may swing out of step with its twin; then slopes there say nothing."""
-
-ALWAYS = {ObjectKind.SHEET: (), ObjectKind.SOLID: ("uneven_mass",), ObjectKind.ROD: ()}
-"""Effects that are refitted whatever their slopes say: a toy lies as it lies, with a little lump or none."""
-
-ALWAYS_IN_A_CLAMP = ("viscoelasticity",)
-"""As well: a solid that swings in a clamp makes up with stiffness and damping for what relaxes, and slopes there see
-nothing of it (a silicone beam: it was not among the first five, and came second when it was refitted)."""
+OUT_OF_STEP_M = 0.002
+"""Metres: scale of residuals from which a cable may be out of phase with its twin; then slopes there say nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,9 +40,41 @@ class Search:
 
     before: Fitted
     ranking: Ranking
-    judged: list[Judged]
+    refitted: list[RefittedEffect]
     law: Law
     verdict: Verdict
+    criteria: Mapping[str, tuple[CriterionResult, ...]]
+    """Of every effect by name: those of the verdict, or what kept it from a refit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Promise:
+    """What the effects may gain in a refit."""
+
+    ranking: Ranking
+    """By slopes alone."""
+    gains: Mapping[str, float]
+    """Per effect the largest held-out gain by its slopes, by large-amplitude probes, or on rods."""
+
+    def worth_a_refit(self, refit_gain: float) -> list[RankedEffect]:
+        """The effects that promise at least so much, the most promising first."""
+        worth = [each for each in self.ranking.ranked if self.gains[each.name] >= refit_gain]
+        return sorted(worth, key=lambda each: -self.gains[each.name])
+
+    def criteria(self, worth: Sequence[RankedEffect], options: DiagnosisOptions, refit_gain: float) -> Criteria:
+        """What keeps each effect from a refit, unless there is another reason for one.
+
+        Args:
+            worth: those that are worth it, the most promising first.
+        """
+        found: Criteria = {}
+        for name, gain in self.gains.items():
+            what, because = "held-out gain by slopes and large-amplitude probes:", " to be worth a refit"
+            found[name] = (compare("worth_a_refit", what, gain, Direction.AT_LEAST, refit_gain, because=because),)
+        for place, each in enumerate(worth, start=1):
+            what = "place in the order of held-out gains by slopes and large-amplitude probes:"
+            found[each.name] += (compare("shortlist", what, place, Direction.AT_MOST, options.shortlist, unit="1"),)
+        return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,27 +84,26 @@ class Survey:
     fitted: Fitted
     """Where from."""
     probes: list[Probe]
-    leaps: list[Leap]
+    large_amplitude_probes: list[LargeAmplitudeProbe]
     on_rods: dict[str, list[RodStart]]
     """Of a cable, by effect, the best first."""
 
-    def ranking(self, scale: float, *, shams: int, seed: int) -> tuple[Ranking, list[Ranked]]:
-        """The effects ranked on a scale by their slopes, and the same in the order in which they are worth a refit."""
-        problem = linear_problem(self.fitted.residuals, self.fitted.jacobian, scale)
-        ranking = rank(problem, self.probes, shams=shams, seed=seed)
-        leaps = leap_gains(problem, self.leaps)
+    def promise(self, scale: float, *, surrogates: int, seed: int) -> Promise:
+        """What the effects promise, judged by residuals of a scale."""
+        linear = linear_problem(self.fitted.residuals, self.fitted.jacobian, scale)
+        ranking = rank(linear, self.probes, surrogates=surrogates, seed=seed)
+        far = large_amplitude_gains(linear, self.large_amplitude_probes)
         known = robust_loss(self.fitted.residuals, scale)
         rods = {name: known - min(start.loss(scale) for start in starts) for name, starts in self.on_rods.items()}
-        promise = {
-            each.name: max(each.held_out_gain, leaps.get(each.name, 0.0), rods.get(each.name, 0.0))
+        gains = {
+            each.name: max(each.held_out_gain, far.get(each.name, 0.0), rods.get(each.name, 0.0))
             for each in ranking.ranked
         }
-        worth = [each for each in ranking.ranked if promise[each.name] >= WORTH_REFITTING]
-        return ranking, sorted(worth, key=lambda each: -promise[each.name])
+        return Promise(ranking=ranking, gains=gains)
 
 
 def search(
-    inquiry: Inquiry,
+    problem: DiagnosisProblem,
     before: Fitted,
     without: Collection[str],
     progress: Progress,
@@ -88,48 +120,54 @@ def search(
         without: names of effects that are left out.
         others: twins without the effect at which refits may start as well.
     """
-    survey = _survey(inquiry, before, without, lambda share: progress("probe the effects", 0.3 * share))
-    found = _judged(inquiry, survey, before, others, lambda stage, share: progress(stage, 0.3 + 0.4 * share))
-    left = min((each.left_m for each in found.judged), default=before.scale)
-    finest = max(left, inquiry.observations[0].least_scale)
+    survey = _survey(problem, before, without, lambda share: progress("probe the effects", 0.3 * share))
+    found = _on_scale(problem, survey, before, others, lambda stage, share: progress(stage, 0.3 + 0.4 * share))
+    left = min((each.left_m for each in found.refitted), default=before.scale)
+    finest = max(left, problem.observations[0].least_scale)
     if finest < FINER * before.scale:
         finer = replace(found.before, scale=finest)
-        before = refit_further(inquiry.observations, finer, iterations=inquiry.options.refit_iterations)
-        earlier = {each.name: each.fitted.model for each in found.judged if each.gain >= WORTH_REFITTING}
-        found = _judged(
-            inquiry, survey, before, others, lambda stage, share: progress(stage, 0.7 + 0.3 * share), earlier=earlier
+        before = refit_further(problem.observations, finer, iterations=problem.options.refit_iterations)
+        earlier = {
+            each.name: each.fitted.model for each in found.refitted if each.gain >= problem.thresholds.refit_gain
+        }
+        found = _on_scale(
+            problem, survey, before, others, lambda stage, share: progress(stage, 0.7 + 0.3 * share), earlier=earlier
         )
     return found
 
 
-def _survey(inquiry: Inquiry, fitted: Fitted, without: Collection[str], progress: Callable[[float], None]) -> Survey:
+def _survey(
+    problem: DiagnosisProblem, fitted: Fitted, without: Collection[str], progress: Callable[[float], None]
+) -> Survey:
     """Simulate the effects at all their starts, and farther off at the best of these."""
     progress(0.0)
     probes = probe_effects(
-        inquiry.observations,
+        problem.observations,
         fitted.model,
         fitted.residuals,
         without=without,
         progress=lambda share: progress(0.6 * share),
     )
-    nearby = rank(linear_problem(fitted.residuals, fitted.jacobian, fitted.scale), probes, shams=0, seed=inquiry.seed)
-    leaps = leap_off(
-        inquiry.observations, fitted.model, nearby.ranked, progress=lambda share: progress(0.6 + 0.2 * share)
+    nearby = rank(
+        linear_problem(fitted.residuals, fitted.jacobian, fitted.scale), probes, surrogates=0, seed=problem.seed
+    )
+    large_amplitude_probes = probe_at_large_amplitude(
+        problem.observations, fitted.model, nearby.ranked, progress=lambda share: progress(0.6 + 0.2 * share)
     )
     on_rods = {}
-    if fitted.model.kind == ObjectKind.ROD and fitted.scale > OUT_OF_STEP_M:
+    if kind_of(fitted.model).is_line and fitted.scale > OUT_OF_STEP_M:
         on_rods = rod_starts(
-            inquiry.observations,
+            problem.observations,
             fitted.model,
             nearby.ranked,
             fitted.scale,
             progress=lambda share: progress(0.8 + 0.2 * share),
         )
-    return Survey(fitted=fitted, probes=probes, leaps=leaps, on_rods=on_rods)
+    return Survey(fitted=fitted, probes=probes, large_amplitude_probes=large_amplitude_probes, on_rods=on_rods)
 
 
-def _judged(
-    inquiry: Inquiry,
+def _on_scale(
+    problem: DiagnosisProblem,
     survey: Survey,
     before: Fitted,
     others: Sequence[ObjectModel],
@@ -142,14 +180,16 @@ def _judged(
     Args:
         earlier: models with effects that were refitted on a coarser scale: judged whatever the ranking says.
     """
-    options = inquiry.options
-    ranking, worth = survey.ranking(before.scale, shams=options.shams, seed=inquiry.seed)
-    kind = before.model.kind
-    free = inquiry.observations[0].free
-    always = ALWAYS_IN_A_CLAMP if free and kind == ObjectKind.SOLID else ALWAYS[kind]
-    chosen = {*(each.name for each in worth[: options.shortlist]), *always, *earlier}
-    ended = contest(
-        inquiry,
+    options = problem.options
+    thresholds = problem.thresholds
+    promise = survey.promise(before.scale, surrogates=options.surrogates, seed=problem.seed)
+    ranking, worth = promise.ranking, promise.worth_a_refit(thresholds.refit_gain)
+    free = problem.observations[0].free
+    kind = kind_of(before.model).name
+    common = {effect.name for effect in LIBRARY.values() if kind in effect.traits.common_in}
+    chosen = {*(each.name for each in worth[: options.shortlist]), *common, *earlier}
+    ended = select_models(
+        problem,
         before,
         {each.name: each for each in ranking.ranked},
         [each.name for each in ranking.ranked if each.name in chosen],
@@ -160,23 +200,29 @@ def _judged(
         far={name: [start.model for start in starts] for name, starts in survey.on_rods.items()},
     )
     before = ended.before
-    problem = linear_problem(before.residuals, before.jacobian, before.scale)
-    law = find_law(inquiry.observations, before.model, before.residuals, problem)
-    judged = [
-        judge(name, fitted, before, problem, bootstraps=options.bootstraps, seed=inquiry.seed)
+    linear = linear_problem(before.residuals, before.jacobian, before.scale)
+    law = find_law(problem.observations, before.model, before.residuals, linear)
+    refitted = [
+        judge(name, fitted, before, linear, bootstraps=options.bootstraps, seed=problem.seed)
         for name, fitted in ended.fits.items()
     ]
-    if inquiry.proofs and judged:
-        judged = proven(judged, before, inquiry.proofs)
-    p_null = {each.name: ranking.p_null(each.gain) for each in judged}
-    second = bool(before.model.effects)
-    law_gain = law.held_out_gain if ranking.p_null(law.held_out_gain) <= LARGEST_P else 0.0
+    if problem.validation and refitted:
+        refitted = validated(refitted, before, problem.validation)
+    p_null = {each.name: ranking.p_null(each.gain) for each in refitted}
     verdict = decide(
-        explaining(judged, survey.fitted.scale) if free else judged,
+        refitted,
         p_null,
-        law_gain,
-        len(inquiry.observations),
-        second=second,
+        law.held_out_gain if ranking.p_null(law.held_out_gain) <= thresholds.largest_p else 0.0,
+        len(problem.observations),
+        beside_named=bool(before.model.effects),
         residual_m=median_size(before.residuals),
+        free_residual_m=survey.fitted.scale if free else None,
+        thresholds=thresholds,
     )
-    return Search(before=before, ranking=ranking, judged=judged, law=law, verdict=verdict)
+    ranked = promise.criteria(worth, options, thresholds.refit_gain)
+    criteria = {**ranked, **verdict.criteria}
+    if not verdict.named:
+        order = sorted(ranked.keys() - verdict.criteria.keys(), key=lambda name: -promise.gains[name])
+        misses = [miss for name in order if (miss := nearest_miss(name, ranked[name]))]
+        verdict = replace(verdict, decision=verdict.decision.with_further_misses(misses))
+    return Search(before=before, ranking=ranking, refitted=refitted, law=law, verdict=verdict, criteria=criteria)

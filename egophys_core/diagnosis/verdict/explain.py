@@ -1,15 +1,15 @@
 """The explanation: what was measured directly, and what searches name beside it, one effect after the other."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from egophys_core.diagnosis.diagnosis import Outcome
-from egophys_core.diagnosis.direct.measure import Measured
-from egophys_core.diagnosis.evidence.baseline_twin import Base
-from egophys_core.diagnosis.evidence.judging import Judged
+from egophys_core.diagnosis.diagnosis import Decision, Outcome
+from egophys_core.diagnosis.direct.measure import MeasuredEffect
+from egophys_core.diagnosis.evidence.baseline_twin import BaselineTwin
+from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.evidence.refit import Fitted
 from egophys_core.diagnosis.hypotheses.search import Search, search
-from egophys_core.diagnosis.problem import Inquiry, Progress
+from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 
 ROUNDS = 2
 """Of naming an effect: what was measured is one, and what a search names."""
@@ -20,50 +20,58 @@ class Explanation:
     """What a twin lacks."""
 
     outcome: Outcome
-    named: tuple[Measured | Judged, ...]
+    named: tuple[MeasuredEffect | RefittedEffect, ...]
     """The effects named, or those that cannot be told apart; the best first."""
     reason: str
     experiment: str | None
     fitted: Fitted
     """With them, or with the best of them."""
     searches: tuple[Search, ...]
+    decisions: tuple[Decision, ...]
+    """Of each search."""
 
 
 def explain(
-    inquiry: Inquiry, base: Base, measured: Sequence[Measured], without: Collection[str], progress: Progress
+    problem: DiagnosisProblem,
+    baseline: BaselineTwin,
+    measured: Sequence[MeasuredEffect],
+    without: Collection[str],
+    progress: Progress,
 ) -> Explanation:
-    """Search beside the base, and again beside what was named.
+    """Search beside the baseline, and again beside what was named.
 
     Args:
-        inquiry: the episodes.
-        base: the twin with those of the measured effects that show.
+        problem: the episodes.
+        baseline: the twin with those of the measured effects that show.
         measured: the effects that were measured; none of them is searched for.
         without: names of effects that are left out.
         progress: called with stage and share done.
     """
     shown = [each for each in measured if each.shows]
-    named: list[Measured | Judged] = [*shown]
+    named: list[MeasuredEffect | RefittedEffect] = [*shown]
     reasons = [each.reason for each in shown]
-    fitted, others, searches = base.fitted, base.others, list[Search]()
+    fitted, others, searches = baseline.fitted, baseline.others, list[Search]()
+    decisions: list[Decision] = []
     rounds = ROUNDS - bool(shown)
-    told = {*without, *(each.name for each in measured)}
+    known = {*without, *(each.name for each in measured)}
     for index in range(rounds):
 
         def report(stage: str, share: float, done: int = index) -> None:
             progress(stage, (done + share) / rounds)
 
-        found = search(inquiry, fitted, {*told, *(each.name for each in named)}, report, others=others)
+        found = search(problem, fitted, {*known, *(each.name for each in named)}, report, others=others)
         searches.append(found)
+        decisions.append(replace(found.verdict.decision, beside=tuple(each.name for each in named)))
         if found.verdict.outcome != Outcome.NAMED:
             break
-        named.append(found.verdict.judged[0])
+        named.append(found.verdict.named[0])
         reasons.append(found.verdict.reason)
-        fitted, others = found.verdict.judged[0].fitted, []
+        fitted, others = found.verdict.named[0].fitted, []
     last = searches[-1].verdict
     outcome = Outcome.NAMED
     if not named:
-        outcome, named = last.outcome, [*last.judged]
-        fitted = last.judged[0].fitted if last.judged else searches[-1].before
+        outcome, named = last.outcome, [*last.named]
+        fitted = last.named[0].fitted if last.named else searches[-1].before
     elif last.outcome not in (Outcome.NAMED, Outcome.NONE):
         outcome = Outcome.NAMED_AND_UNEXPLAINED
     if last.outcome != Outcome.NAMED and (outcome != Outcome.NAMED or not named):
@@ -75,4 +83,5 @@ def explain(
         experiment=searches[0].verdict.experiment,
         fitted=fitted,
         searches=tuple(searches),
+        decisions=tuple(decisions),
     )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.camera.dominant_plane import PlaneTracker, Sighting
+from egophys_core.perception.camera.dominant_plane import PlaneObservation, PlaneTracker
 from egophys_core.perception.camera.plane_bundle import (
     Bundle,
     Link,
@@ -26,7 +26,7 @@ _TRIAL_FRAMES = 40
 _AMBIGUOUS = 1.1
 _UNLIKE_DEG = 10.0
 _OFF_PLANE = 2.5
-"""Times the median: points whose misses over all frames are larger are taken for points off the plane."""
+"""Times the median: points whose residuals over all frames are larger are taken for points off the plane."""
 _ON_PLANE_SHARE = 0.8
 _ADVICE = "move the head sideways by a hand's breadth while looking at the table, or lay the board on the table"
 
@@ -104,10 +104,10 @@ def background_poses(
 def _solve(
     tracker: PlaneTracker, tied: np.ndarray, count: int, camera_matrix: np.ndarray, height_m: float
 ) -> BackgroundPoses:
-    sightings = _of_plane(tracker)
+    observations = _of_plane(tracker)
     inverse = np.linalg.inv(camera_matrix)
     moves = np.stack([inverse @ tracker.from_first[frame] @ camera_matrix for frame in tied])
-    links = _links(tracker, sightings, tied, inverse)
+    links = _links(tracker, observations, tied, inverse)
     rays = np.concatenate([link.rays for link in links if link.source == 0])[::10]
     focal = float(np.sqrt(camera_matrix[0, 0] * camera_matrix[1, 1]))
     trial = _trial(links, len(tied))
@@ -118,7 +118,7 @@ def _solve(
     if not starts:
         raise EpisodeError(f"no tilt of the table explains how it moves through the image; {_ADVICE}")
     tries = sorted((adjust(start, 0, trial, focal) for start in starts), key=lambda each: each.cost)
-    chosen, doubt = _choose(tries)
+    chosen, reservation = _choose(tries)
     start = np.stack([pose_from_move(move, chosen.poses[0]) for move in moves])
     bundle = adjust(start, 0, links, focal)
     links = _without_outliers(links, bundle)
@@ -133,7 +133,7 @@ def _solve(
     poses = np.full((count, 4, 4), np.nan)
     poses[tied] = _in_world(bundle.poses, links, height_m)
     known = np.isfinite(poses).all(axis=(1, 2))
-    residual = float(np.sqrt(np.mean(np.concatenate(bundle.misses) ** 2)))
+    residual = float(np.sqrt(np.mean(np.concatenate(bundle.residuals) ** 2)))
     note = (
         "Without a board the scale is arbitrary: the first camera's height over the table was taken for "
         f"{height_m:g} m, and all lengths are wrong by the same factor if it was not. Gravity was taken along the "
@@ -147,7 +147,7 @@ def _solve(
         scale_is_known=False,
         residual_px=residual,
         tilt_sigma_deg=tilt,
-        note=" ".join(filter(None, [note, doubt, f"Lost: {lost}." if lost else ""])),
+        note=" ".join(filter(None, [note, reservation, f"Lost: {lost}." if lost else ""])),
     )
 
 
@@ -155,25 +155,29 @@ def _why_lost(tracker: PlaneTracker) -> str:
     return ", ".join(f"{count} frames: {reason}" for reason, count in Counter(tracker.lost.values()).most_common())
 
 
-def _of_plane(tracker: PlaneTracker) -> list[Sighting]:
-    """Sightings of those points only that are on the plane in most frames: what was moved later is not the table."""
+def _of_plane(tracker: PlaneTracker) -> list[PlaneObservation]:
+    """Observations of those points only that are on the plane in most frames: what was moved later is not the table."""
     kept = []
-    for sighting in tracker.sightings:
-        key = tracker.keyframes[sighting.keyframe]
-        good = (key.on_plane >= _ON_PLANE_SHARE * key.tracked)[sighting.points]
-        points, pixels = sighting.points[good], sighting.pixels[good]
-        kept.append(Sighting(frame=sighting.frame, keyframe=sighting.keyframe, points=points, pixels=pixels))
+    for observation in tracker.observations:
+        key = tracker.keyframes[observation.keyframe]
+        good = (key.on_plane >= _ON_PLANE_SHARE * key.tracked)[observation.points]
+        points, pixels = observation.points[good], observation.pixels[good]
+        kept.append(
+            PlaneObservation(frame=observation.frame, keyframe=observation.keyframe, points=points, pixels=pixels)
+        )
     return kept
 
 
-def _links(tracker: PlaneTracker, sightings: list[Sighting], tied: np.ndarray, inverse: np.ndarray) -> list[Link]:
-    """The sightings with directions for pixels and indices into `tied` for frames."""
+def _links(
+    tracker: PlaneTracker, observations: list[PlaneObservation], tied: np.ndarray, inverse: np.ndarray
+) -> list[Link]:
+    """The observations with directions for pixels and indices into `tied` for frames."""
 
     def flat(pixels: np.ndarray) -> np.ndarray:
         return pixels.astype(np.float64) @ inverse[:2, :2].T + inverse[:2, 2]
 
     links = []
-    for each in sightings:
+    for each in observations:
         source = flat(tracker.keyframes[each.keyframe].points[each.points])
         links.append(
             Link(
@@ -209,11 +213,11 @@ def _choose(tries: list[Bundle]) -> tuple[Bundle, str]:
 
 
 def _without_outliers(links: list[Link], bundle: Bundle) -> list[Link]:
-    """Links without points that miss more than others throughout: they are a little off the plane."""
+    """Links without points of larger residuals than others throughout: they are a little off the plane."""
     largest = 1 + max(int(link.points.max(initial=0)) for link in links)
     keys = np.concatenate([link.source * largest + link.points.astype(int) for link in links])
     numbers = np.unique(keys, return_inverse=True)[1]
-    square = np.minimum(np.concatenate(bundle.misses), 1.0) ** 2
+    square = np.minimum(np.concatenate(bundle.residuals), 1.0) ** 2
     rms = np.sqrt(np.bincount(numbers, square) / np.bincount(numbers))
     good = rms <= _OFF_PLANE * np.median(rms)
     ends = np.cumsum([len(link.points) for link in links])[:-1]

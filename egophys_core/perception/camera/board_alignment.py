@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from egophys_core.perception.camera.board import Board
+from egophys_core.perception.robust import robust_scale
 
 _TEXELS_PER_CELL = 24
 _SUPERSAMPLING = 4
@@ -84,9 +85,9 @@ class BoardPrint:
             left, top = (round(float(value + self.margin) * texels) for value in corner)
             block = np.ones((_TEXELS_PER_CELL, _TEXELS_PER_CELL), np.uint8)
             pattern[top : top + tag_texels, left : left + tag_texels] = np.kron(board.cells(tag), block) * 255
-            reach = int(self.margin * texels)
-            rows = slice(max(top - reach, 0), top + tag_texels + reach)
-            labels[rows, max(left - reach, 0) : left + tag_texels + reach] = tag + 1
+            texels_around = int(self.margin * texels)
+            rows = slice(max(top - texels_around, 0), top + tag_texels + texels_around)
+            labels[rows, max(left - texels_around, 0) : left + tag_texels + texels_around] = tag + 1
         offset = self.margin * texels - 0.5
         return pattern, labels, np.array([[texels, 0, offset], [0, texels, offset], [0, 0, 1]])
 
@@ -154,8 +155,8 @@ class BoardPrint:
 
     def _region(self, shape: tuple[int, ...], matrix: np.ndarray, pose: np.ndarray) -> tuple[int, int, int, int] | None:
         """Left, top, width, height of the part of the image in which the board is; None if it is not in view."""
-        (width, height), reach = self.board.size, self.margin
-        outline = np.array([(x, y, 0.0) for x in (-reach, width + reach) for y in (-reach, height + reach)])
+        (width, height), margin = self.board.size, self.margin
+        outline = np.array([(x, y, 0.0) for x in (-margin, width + margin) for y in (-margin, height + margin)])
         seen = outline @ pose[:3, :3].T + pose[:3, 3]
         if not (seen[:, 2] > 0.01).all():
             return None
@@ -261,7 +262,7 @@ def _fit_tags(pixels: _Pixels, count: int, is_robust: bool) -> _TagFit | None:
             if not matches.any():
                 return None
             on = matches[tag]
-        noise = max(1.4826 * float(np.median(np.abs(residual[on]))), _LEAST_NOISE)
+        noise = max(float(robust_scale(residual[on])), _LEAST_NOISE)
         if is_robust:
             weight = on * np.clip(1 - (residual / (_TUKEY * noise)) ** 2, 0, None) ** 2
         else:

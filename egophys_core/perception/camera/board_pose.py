@@ -186,7 +186,7 @@ def _why_no_tags(gray: np.ndarray) -> str:
     return f"no tags found: the board is hidden, out of view or too blurred (mean brightness {brightness:.0f} of 255)"
 
 
-def doubt_intrinsics(poses: Sequence[CameraPose]) -> str | None:
+def intrinsics_warning(poses: Sequence[CameraPose]) -> str | None:
     """What the tags of all frames say against the intrinsics or the board's layout; None if they agree."""
     if not poses:
         return None

@@ -38,7 +38,7 @@ BLACK = "the image is black"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sighting:
+class PlaneObservation:
     """Points of a keyframe that lie on the plane, seen in another frame."""
 
     frame: int
@@ -51,18 +51,18 @@ class Sighting:
 
 
 class PlaneTracker:
-    """Follows the dominant plane through frames of one size; the same frames give the same sightings.
+    """Follows the dominant plane through frames of one size; the same frames give the same observations.
 
     Attributes:
         keyframes: by frame, the first first; images of those long unused are dropped.
-        sightings: in order of the frames, one of most frames, two or three where keyframes are linked.
+        observations: in order of the frames, one of most frames, two or three where keyframes are linked.
         from_first: by frame, [3, 3] homography to it from the pixels of the first keyframe.
         lost: by frame, why it could not be tied to a keyframe.
     """
 
     def __init__(self) -> None:
         self.keyframes: dict[int, Keyframe] = {}
-        self.sightings: list[Sighting] = []
+        self.observations: list[PlaneObservation] = []
         self.from_first: dict[int, np.ndarray] = {}
         self.lost: dict[int, str] = {}
         self._used: list[int] = []
@@ -111,7 +111,7 @@ class PlaneTracker:
     def _start(self, frame: int, image: np.ndarray, grey: np.ndarray) -> bool:
         """Take a frame for the first keyframe, and those before it for lost."""
         self.lost.update(dict.fromkeys(self.from_first, HIDDEN))
-        self.keyframes, self.sightings, self.from_first, self._used = {}, [], {}, []
+        self.keyframes, self.observations, self.from_first, self._used = {}, [], {}, []
         key = self._keyframe(frame, image, grey, np.eye(3))
         if len(key.points) < FEWEST_POINTS:
             self.lost[frame] = HIDDEN
@@ -126,7 +126,9 @@ class PlaneTracker:
         key.tracked[fit.tracked] += 1
         key.on_plane[fit.points] += 1
         key.best_share = max(key.best_share, fit.share)
-        self.sightings.append(Sighting(frame=frame, keyframe=key.frame, points=fit.points, pixels=fit.pixels))
+        self.observations.append(
+            PlaneObservation(frame=frame, keyframe=key.frame, points=fit.points, pixels=fit.pixels)
+        )
         self._last = fit.homography @ key.from_first
         self.from_first[frame] = self._last
         self._use(key)

@@ -11,6 +11,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from egophys_core.perception.robust import cauchy_weights
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.surface_mesh import SurfaceMesh, hinge_gaps
 
@@ -73,9 +74,10 @@ def surface_from_parallax(
         at_places = to_places @ inverse
         gradient, curvature = np.zeros(len(triangle)), np.zeros(len(triangle))
         for view, observed in zip(views, tracks, strict=True):
-            miss, slope = _misses(view, centre, place_rays, at_places, observed)
-            weight = _robust(miss) / PIXEL_SIGMA**2
-            gradient += np.nansum(weight[:, None] * slope * miss, axis=1)
+            residual, slope = _residuals(view, centre, place_rays, at_places, observed)
+            squared = np.nan_to_num((residual**2).sum(axis=1), nan=np.inf)
+            weight = cauchy_weights(squared, 2 * PIXEL_SIGMA) / PIXEL_SIGMA**2
+            gradient += np.nansum(weight[:, None] * slope * residual, axis=1)
             curvature += np.nansum(weight[:, None] * slope * slope, axis=1)
         # Lengths become inverse depths by dw = w^2 dz.
         roughness = sparse.diags(1 / (ROUGHNESS_M * (inverse**2)[mesh.hinges[:, 0]])) @ gaps
@@ -92,13 +94,15 @@ def surface_from_parallax(
         inverse = np.clip(inverse - solver.solve(slope_total), 0.2 * table_inverse, 2.0 * table_inverse)
     sigma = np.sqrt(np.maximum(np.diag(solver.solve(np.eye(len(inverse)))), 0)) / inverse**2
     at_places = to_places @ inverse
-    residual = [
-        np.nanmedian(np.linalg.norm(_misses(view, centre, place_rays, at_places, observed)[0], axis=1))
+    median_residuals = [
+        np.nanmedian(np.linalg.norm(_residuals(view, centre, place_rays, at_places, observed)[0], axis=1))
         if np.isfinite(observed).any()
         else np.nan
         for view, observed in zip(views, tracks, strict=True)
     ]
-    return RestSurface(positions=centre + rays / inverse[:, None], depth_sigma=sigma, residual=np.array(residual))
+    return RestSurface(
+        positions=centre + rays / inverse[:, None], depth_sigma=sigma, residual=np.array(median_residuals)
+    )
 
 
 def rays_of_pixels(pixels: np.ndarray, view: View) -> np.ndarray:
@@ -108,7 +112,7 @@ def rays_of_pixels(pixels: np.ndarray, view: View) -> np.ndarray:
     return in_camera @ view.world_from_camera[:3, :3].T
 
 
-def _misses(
+def _residuals(
     view: View, centre: np.ndarray, rays: np.ndarray, inverse: np.ndarray, observed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Projected less observed [M, 2] pixels, and its derivative by the inverse depth."""
@@ -121,8 +125,3 @@ def _misses(
     focal = view.camera_matrix.diagonal()[:2]
     slope = focal * (shift[:2] - flat * shift[2]) / depth
     return focal * flat + view.camera_matrix[:2, 2] - observed, slope
-
-
-def _robust(miss: np.ndarray) -> np.ndarray:
-    """[M] Cauchy weights of misses [M, 2]."""
-    return 1 / (1 + np.nan_to_num((miss**2).sum(axis=1), nan=np.inf) / (2 * PIXEL_SIGMA) ** 2)

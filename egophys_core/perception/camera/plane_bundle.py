@@ -5,6 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
+
+from egophys_core.geometry import nearest_rotation
+from egophys_core.perception.robust import cauchy_weights, robust_scale
 
 _LEAST_SIGMA = 0.05
 """Pixels: no match is better."""
@@ -42,7 +46,7 @@ class Bundle:
 
     poses: np.ndarray
     """[T, 4, 4] world from camera."""
-    misses: list[np.ndarray]
+    residuals: list[np.ndarray]
     """Per link [N], pixels: distance of seen and projected."""
     cost: float
     """Robust mean square, pixels squared."""
@@ -104,8 +108,7 @@ def pose_from_move(move: np.ndarray, first: np.ndarray) -> np.ndarray:
     from_world = np.linalg.inv(first)
     columns = move @ from_world[:3, [0, 1, 3]]
     columns /= np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
-    left, _, right = np.linalg.svd(np.column_stack([columns[:, :2], np.cross(columns[:, 0], columns[:, 1])]))
-    rotation = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    rotation = nearest_rotation(np.column_stack([columns[:, :2], np.cross(columns[:, 0], columns[:, 1])]))
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = rotation.T, -rotation.T @ columns[:, 2]
     return pose
@@ -127,7 +130,7 @@ def adjust(poses: np.ndarray, first: int, links: list[Link], focal: float, itera
     free = np.zeros((len(poses), 6), bool)
     free[[link.source for link in links] + [link.target for link in links]] = True
     free[first] = [False, False, False, True, True, False]
-    numbers = np.flatnonzero(free)
+    unknowns = np.flatnonzero(free)
     scale = np.where(free, 1.0, 0.0).reshape(-1)
     height = abs(poses[first, 2, 3])
     step = np.inf
@@ -135,33 +138,34 @@ def adjust(poses: np.ndarray, first: int, links: list[Link], focal: float, itera
         terms = [_linearise(link, poses, focal) for link in links]
         sigma = _spread(terms)
         information, gradient = _normal_equations(links, terms, sigma, len(poses))
-        kept = information[numbers][:, numbers] + sparse.diags(_damping(free, height)[numbers])
+        kept = information[unknowns][:, unknowns] + sparse.diags(_damping(free, height)[unknowns])
         change = np.zeros(free.size)
         solver = splu(kept.tocsc())
-        change[numbers] = -solver.solve(gradient[numbers])
+        change[unknowns] = -solver.solve(gradient[unknowns])
         step = float(np.abs(change * scale).max())
         change = change.reshape(-1, 6) * min(1.0, 0.3 / max(step, 1e-12))
         for index in np.flatnonzero(free.any(axis=1)):
             poses[index, :3, 3] += change[index, :3]
-            poses[index, :3, :3] = _turn(change[index, 3:]) @ poses[index, :3, :3]
+            turn = Rotation.from_rotvec(change[index, 3:]).as_matrix()
+            poses[index, :3, :3] = turn @ poses[index, :3, :3]
         if step < _SETTLED:
             break
     terms = [_linearise(link, poses, focal) for link in links]
-    tilt = np.searchsorted(numbers, 6 * first + np.array([3, 4]))
-    unit = np.zeros((len(numbers), 2))
+    tilt = np.searchsorted(unknowns, 6 * first + np.array([3, 4]))
+    unit = np.zeros((len(unknowns), 2))
     unit[tilt, [0, 1]] = 1
     covariance = _CORRELATION * solver.solve(unit)[tilt]
-    square = np.concatenate([(miss**2).sum(axis=1) for miss, _, _ in terms])
+    square = np.concatenate([(residual**2).sum(axis=1) for residual, _, _ in terms])
     return Bundle(
         poses=poses,
-        misses=[np.linalg.norm(miss, axis=1) for miss, _, _ in terms],
+        residuals=[np.linalg.norm(residual, axis=1) for residual, _, _ in terms],
         cost=float(np.log1p(square).mean()),
         tilt_sigma=float(np.hypot(np.sqrt(max(np.linalg.eigvalsh(covariance).max(), 0)), _TILT_FLOOR)),
     )
 
 
 def _linearise(link: Link, poses: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Misses [N, 2] in pixels, and their derivatives [N, 2, 6] by the pose of the source and of the target.
+    """Residuals [N, 2] in pixels, and their derivatives [N, 2, 6] by the pose of the source and of the target.
 
     A pose changes by a shift of the camera and a turn about it, both in the world.
     """
@@ -186,8 +190,8 @@ def _linearise(link: Link, poses: np.ndarray, focal: float) -> tuple[np.ndarray,
 
 
 def _spread(terms: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> float:
-    """Robust standard deviation of the misses, pixels."""
-    return max(_LEAST_SIGMA, 1.4826 * float(np.median(np.abs(np.concatenate([miss for miss, _, _ in terms])))))
+    """Robust standard deviation of the residuals, pixels."""
+    return max(_LEAST_SIGMA, float(robust_scale(np.concatenate([residual for residual, _, _ in terms]))))
 
 
 def _normal_equations(
@@ -196,18 +200,18 @@ def _normal_equations(
     """Information [6T, 6T] and gradient [6T] of Cauchy's loss."""
     gradient = np.zeros((count, 6))
     blocks, rows, columns = [], [], []
-    for link, (miss, by_source, by_target) in zip(links, terms, strict=True):
-        weight = 1 / (1 + (miss**2).sum(axis=1) / (2 * sigma) ** 2) / sigma**2
+    for link, (residual, by_source, by_target) in zip(links, terms, strict=True):
+        weight = cauchy_weights((residual**2).sum(axis=1), 2 * sigma) / sigma**2
         both = np.concatenate([by_source, by_target], axis=2).reshape(-1, 12)
         weighted = both * np.repeat(weight, 2)[:, None]
         block = weighted.T @ both
-        slope = weighted.T @ miss.reshape(-1)
+        slope = weighted.T @ residual.reshape(-1)
         gradient[link.source] += slope[:6]
         gradient[link.target] += slope[6:]
-        numbers = np.concatenate([6 * link.source + np.arange(6), 6 * link.target + np.arange(6)])
+        unknowns = np.concatenate([6 * link.source + np.arange(6), 6 * link.target + np.arange(6)])
         blocks.append(block.ravel())
-        rows.append(np.repeat(numbers, 12))
-        columns.append(np.tile(numbers, 12))
+        rows.append(np.repeat(unknowns, 12))
+        columns.append(np.tile(unknowns, 12))
     data = (np.concatenate(blocks), (np.concatenate(rows), np.concatenate(columns)))
     return sparse.csr_matrix(sparse.coo_matrix(data, shape=(6 * count, 6 * count))), gradient.reshape(-1)
 
@@ -221,15 +225,6 @@ def _cross(vectors: np.ndarray) -> np.ndarray:
     x, y, z = vectors.T
     zero = np.zeros_like(x)
     return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-
-
-def _turn(vector: np.ndarray) -> np.ndarray:
-    """[3, 3] rotation by a rotation vector (Rodrigues)."""
-    angle = float(np.linalg.norm(vector))
-    if angle < 1e-15:
-        return np.eye(3)
-    axis = _cross(vector[None] / angle)[0]
-    return np.asarray(np.eye(3) + np.sin(angle) * axis + (1 - np.cos(angle)) * axis @ axis)
 
 
 def _sphere(count: int) -> np.ndarray:

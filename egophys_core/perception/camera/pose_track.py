@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import EpisodeError
+from egophys_core.interpolation import PosesOverTime
 from egophys_core.perception.camera.board_pose import CameraPose, NoPose
 
 LONGEST_FILLED_GAP_S = 0.5
@@ -58,10 +59,10 @@ def track_poses(stamps_ns: Sequence[int] | np.ndarray, poses: Sequence[CameraPos
             continue
         gap = np.arange(before + 1, after)
         ends = matrices[[before, after]]
-        turn = Slerp(seconds[[before, after]], Rotation.from_matrix(ends[:, :3, :3]))
-        share = ((seconds[gap] - seconds[before]) / (seconds[after] - seconds[before]))[:, None]
+        poses_between = PosesOverTime(seconds[[before, after]], ends[:, :3, 3], Rotation.from_matrix(ends[:, :3, :3]))
+        positions, rotations = poses_between.at(seconds[gap])
         matrices[gap] = np.eye(4)
-        matrices[gap, :3, :3] = turn(seconds[gap]).as_matrix()
-        matrices[gap, :3, 3] = (1 - share) * ends[0, :3, 3] + share * ends[1, :3, 3]
+        matrices[gap, :3, :3] = rotations.as_matrix()
+        matrices[gap, :3, 3] = positions
         inferred[gap] = True
     return PoseTrack(world_from_camera=matrices, inferred=inferred, known=measured | inferred)

@@ -30,7 +30,7 @@ RELEASED_PX = 15
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grip:
+class HeldVertices:
     """Vertices that the hand holds."""
 
     vertices: np.ndarray
@@ -84,7 +84,7 @@ def tip_of_hand(hand: np.ndarray, covered: np.ndarray) -> np.ndarray | None:
     return np.array([column, row], float)
 
 
-def take_hold(vertices: np.ndarray, masks: Masks, covered: np.ndarray, focal: float) -> Grip | None:
+def take_hold(vertices: np.ndarray, masks: Masks, covered: np.ndarray, focal: float) -> HeldVertices | None:
     """Vertices that the tip of the hand hides; None if it hides none.
 
     Args:
@@ -99,14 +99,14 @@ def take_hold(vertices: np.ndarray, masks: Masks, covered: np.ndarray, focal: fl
     x, y = inside(vertices[:, :2], masks.hand.shape).T
     away = np.linalg.norm(vertices[:, :2] - tip, axis=1) * vertices[:, 2] / focal
     held = np.flatnonzero(masks.hand[y, x] & (away < HELD_RADIUS_M))
-    return Grip(vertices=held, pixels=vertices[held, :2]) if len(held) else None
+    return HeldVertices(vertices=held, pixels=vertices[held, :2]) if len(held) else None
 
 
-def follow(grip: Grip, motion: np.ndarray, hand: np.ndarray) -> Grip | None:
+def follow(grip: HeldVertices, motion: np.ndarray, hand: np.ndarray) -> HeldVertices | None:
     """The grip in the next view, without vertices that have come out of the hand [S, S]; None if none is left."""
     pixels = carried(grip.pixels, motion)
     size = 2 * RELEASED_PX + 1
     near = cv2.dilate(hand.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
     x, y = inside(pixels, hand.shape).T
     kept = near[y, x]
-    return Grip(vertices=grip.vertices[kept], pixels=pixels[kept]) if kept.any() else None
+    return HeldVertices(vertices=grip.vertices[kept], pixels=pixels[kept]) if kept.any() else None

@@ -6,11 +6,11 @@ nearer, and a finger or a fist is about as thick as it is wide.
 
 import numpy as np
 
+from egophys_core.geometry import farthest_points
 from egophys_core.perception.camera.parallax import rays_of_pixels
 from egophys_core.perception.hands.grip import carried
 from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface.surface_tracker import SurfaceState
-from egophys_core.perception.surface.track_filter import farthest_points
 
 RADIUS_M = 0.025
 """Metres around the grip from which points of the hand are taken."""
@@ -23,11 +23,6 @@ class HandPoints:
         self._count = count
         self._pixels: np.ndarray | None = None
         self._half_px = np.nan
-
-    @property
-    def has_gripped(self) -> bool:
-        """Whether the hand holds or has held the object."""
-        return self._pixels is not None
 
     def next(self, view: View, masks: Masks, state: SurfaceState) -> np.ndarray:
         """[C, 3] metres, frame world: NaN before the grip and while the hand is not seen.

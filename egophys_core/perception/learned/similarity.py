@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.errors import EpisodeError
+from egophys_core.geometry import nearest_rotation
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +54,4 @@ def fit_similarity(source: np.ndarray, target: np.ndarray) -> Similarity:
 
 def mean_rotation(rotations: np.ndarray) -> np.ndarray:
     """[3, 3]: the rotation nearest to all of [N, 3, 3] in the sum of squared differences of their entries."""
-    left, _, right = np.linalg.svd(rotations.mean(axis=0))
-    mean: np.ndarray = left @ np.diag([1.0, 1.0, np.linalg.det(left) * np.linalg.det(right)]) @ right
-    return mean
+    return nearest_rotation(rotations.mean(axis=0))

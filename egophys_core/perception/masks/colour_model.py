@@ -66,14 +66,14 @@ _BIN_OF_CODE = _bins_of_codes()
 class ColourModel:
     """Log-likelihood of colours, learnt from pixels of a class and, slowly, from those of later frames."""
 
-    def __init__(self, *, shading: float = 0.0, doubt: float = 0.02) -> None:
+    def __init__(self, *, shading: float = 0.0, background_share: float = 0.02) -> None:
         """Make a model that knows nothing.
 
         Args:
             shading: share of the class, 0..1, expected in shade: as seen, but darker by down to a factor of 3.
-            doubt: share of the class, 0..1, of any colour whatever.
+            background_share: share of the class, 0..1, of any colour whatever.
         """
-        self._shading, self._doubt = shading, doubt
+        self._shading, self._background_share = shading, background_share
         self._first: np.ndarray | None = None
         self._recent: np.ndarray | None = None
         self._table = np.full(_CODES, UNIFORM, np.float32)
@@ -111,7 +111,7 @@ class ColourModel:
             for step in range(1, steps + 1):
                 darker[..., :-step] += smooth[..., step:] / steps
             smooth = (1 - self._shading) * smooth + self._shading * darker
-        smooth = (1 - self._doubt) * smooth + self._doubt / smooth.size
+        smooth = (1 - self._background_share) * smooth + self._background_share / smooth.size
         return np.log(smooth).astype(np.float32).ravel()[_BIN_OF_CODE]
 
 

@@ -63,9 +63,9 @@ class MaskTracker:
             )
         self._table_height = table_height
         self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
-        self._object_colours = ColourModel(shading=0.25, doubt=0.03)
-        self._hand_colours = ColourModel(shading=0.15, doubt=0.05)
-        self._rest_colours = ColourModel(shading=0.10, doubt=0.01)
+        self._object_colours = ColourModel(shading=0.25, background_share=0.03)
+        self._hand_colours = ColourModel(shading=0.15, background_share=0.05)
+        self._rest_colours = ColourModel(shading=0.10, background_share=0.01)
         self._table: TableBackground | None = None
         self._area = np.count_nonzero(object_mask)
         self._grey = cv2.cvtColor(first_view.image, cv2.COLOR_BGR2GRAY)

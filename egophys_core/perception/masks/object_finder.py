@@ -12,9 +12,10 @@ from egophys_core.errors import EpisodeError
 from egophys_core.perception.masks.colour_model import is_black, log_features
 from egophys_core.perception.masks.region_cut import box_of, cut_region, main_parts
 from egophys_core.perception.masks.table_background import has_pose, table_homography, table_places
+from egophys_core.perception.robust import robust_scale
 from egophys_core.perception.stages import View
 
-REACH_M = 0.8
+SEARCH_HALF_SIDE_M = 0.8
 """Half side of the part of the table that is searched, around the place the camera looks at or the board."""
 _SMALLEST_SHARE = 5e-4
 """Smallest candidate, share of the image."""
@@ -25,7 +26,7 @@ _RIVAL_SHARE = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
+class ObjectCandidate:
     """A connected region that may be the object."""
 
     mask: np.ndarray
@@ -44,7 +45,7 @@ class FoundObject:
     """[S, S] bool, in the first view."""
     box: tuple[int, int, int, int]
     """x0, y0, x1, y1 in pixels of the first view, the last two exclusive."""
-    others: tuple[Candidate, ...]
+    others: tuple[ObjectCandidate, ...]
     """The candidates that were not chosen, best first."""
     warning: str
     """What the user should check; empty if the choice was clear."""
@@ -132,7 +133,7 @@ def _unlike_table(view: View, table_height: float, board_corners: np.ndarray | N
 
 
 def _table(view: View, table_height: float) -> np.ndarray:
-    """[S, S] bool: pixels on the table within reach; all without a pose."""
+    """[S, S] bool: pixels on the table that are searched; all without a pose."""
     side = view.image.shape[0]
     if not has_pose(view):
         return np.ones((side, side), bool)
@@ -143,7 +144,7 @@ def _table(view: View, table_height: float) -> np.ndarray:
     looked_at = places[int(0.55 * side), side // 2]
     centre = looked_at if np.isfinite(looked_at).all() else np.nanmean(places[-side // 4 :], axis=(0, 1))
     with np.errstate(invalid="ignore"):
-        within_reach = np.asarray((np.abs(places - centre) < REACH_M).all(axis=-1))
+        within_reach = np.asarray((np.abs(places - centre) < SEARCH_HALF_SIDE_M).all(axis=-1))
     # What is black up to the border of the image is unlit background, not a dark thing on the table.
     black = (cv2.GaussianBlur(view.image.max(axis=-1), (0, 0), side / 170) <= 12).astype(np.uint8)
     labels = cv2.connectedComponents(black, connectivity=4)[1]
@@ -187,17 +188,17 @@ def _residual(features: np.ndarray, fitted: np.ndarray) -> tuple[np.ndarray, np.
     samples, rows = features[chosen].astype(float), basis[chosen].astype(float)
     off = samples - np.median(samples, axis=0)
     for _ in range(12):
-        spread = 1.4826 * np.median(np.abs(off), axis=0) + 1e-3
+        spread = robust_scale(off, axis=0) + 1e-3
         inside = np.clip(1 - ((off / (4 * spread)) ** 2).max(axis=1), 0, None) ** 2
         scaled = rows * inside[:, None]
         solution = np.linalg.solve(scaled.T @ rows + 1e-6 * np.eye(6), scaled.T @ samples)
         off = samples - rows @ solution
     kept = inside > 0
-    sigma = 1.4826 * np.median(np.abs(off[kept]), axis=0) + np.array([0.02, 0.02, 0.03, 0.1])
+    sigma = robust_scale(off[kept], axis=0) + np.array([0.02, 0.02, 0.03, 0.1])
     return features - basis @ solution.astype(np.float32), sigma
 
 
-def _candidates(region: np.ndarray, table: np.ndarray) -> list[Candidate]:
+def _candidates(region: np.ndarray, table: np.ndarray) -> list[ObjectCandidate]:
     """Connected regions [S, S] bool, best first, without tiny ones and those along the end of the table or image."""
     side = region.shape[0]
     count, labels, stats, centroids = cv2.connectedComponentsWithStats(region.astype(np.uint8), connectivity=8)
@@ -212,11 +213,11 @@ def _candidates(region: np.ndarray, table: np.ndarray) -> list[Candidate]:
             continue
         away = float(np.hypot(*(centroids[label] - (side - 1) / 2))) / (side / math.sqrt(2))
         score = area / side**2 * 0.5 ** (3 * away)
-        found.append(Candidate(mask=mask, box=(x, y, x + width, y + height), score=score))
+        found.append(ObjectCandidate(mask=mask, box=(x, y, x + width, y + height), score=score))
     return sorted(found, key=lambda one: -one.score)
 
 
-def _stays(one: Candidate, first: View, later: View, region: np.ndarray, table_height: float) -> bool:
+def _stays(one: ObjectCandidate, first: View, later: View, region: np.ndarray, table_height: float) -> bool:
     """Whether most of a candidate is, seen from a later view, where it was on the table."""
     move = table_homography(later, table_height) @ np.linalg.inv(table_homography(first, table_height))
     side = region.shape[::-1]

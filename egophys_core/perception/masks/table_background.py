@@ -126,9 +126,9 @@ class TableBackground:
         size = (view.image.shape[1], view.image.shape[0])
         from_view = np.linalg.inv(table_homography(view, self._height) @ self._table_from_cell)
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        reach = np.where(self._count > 0, np.uint8(255), np.uint8(1))
-        reach = cv2.warpPerspective(reach, from_view, size, flags=flags)
-        reach[~_in_front(from_view, size)] = 0
+        inside = np.where(self._count > 0, np.uint8(255), np.uint8(1))
+        inside = cv2.warpPerspective(inside, from_view, size, flags=flags)
+        inside[~_in_front(from_view, size)] = 0
         # A cell seen a few times has the variance of a typical cell as much as its own.
         weight = 1 / (self._count + 5)
         weight[self._count == 0] = 0
@@ -136,7 +136,7 @@ class TableBackground:
         variance = own + (5 * weight)[..., None] * self._typical
         mean = cv2.warpPerspective(self._mean, from_view, size, flags=flags)
         variance = cv2.warpPerspective(variance, from_view, size, flags=flags) + _LEAST_VARIANCE
-        return ExpectedTable(mean=mean, variance=variance, inside=reach > 0, seen=reach > 127)
+        return ExpectedTable(mean=mean, variance=variance, inside=inside > 0, seen=inside > 127)
 
     def _fill(self) -> None:
         """Give cells never seen the mean and variance of the table around them."""

@@ -1,7 +1,7 @@
 """How much to trust each point of a tracked surface.
 
 The solver knows the deviation of a point given the view before. What it does not know is how far a point has wandered
-that nobody has seen for a while: that grows with the way it was made to go since it was last seen.
+that nobody has seen for a while: that grows with its displacement since it was last seen.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ STANDING_M = 0.0002
 """Metres a view: growth of the deviation of a hidden point that stays where it is."""
 
 MOVING_SHARE = 1.0
-"""Growth of the deviation of a hidden point, per way that it goes."""
+"""Growth of the deviation of a hidden point, per displacement."""
 
 NEIGHBOURS = 7
 """A point counts as seen if enough of so many nearest points, itself included, are seen."""
@@ -40,8 +40,8 @@ class PointConfidence:
             sigma: [N] metres: deviation given the view before.
             seen: [N] bool: found in this view.
         """
-        way = np.linalg.norm(points - self._before, axis=1)
-        grown = self._wandered + STANDING_M**2 + (MOVING_SHARE * way) ** 2
+        displacement = np.linalg.norm(points - self._before, axis=1)
+        grown = self._wandered + STANDING_M**2 + (MOVING_SHARE * displacement) ** 2
         self._wandered = np.where(seen[self._around].mean(axis=1) > ENOUGH, 0.0, grown)
         self._before = points
         return 1 / (1 + (sigma**2 + self._wandered) / HALF_M**2)

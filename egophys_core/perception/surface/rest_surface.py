@@ -27,7 +27,7 @@ STEP = 4
 """Views between the starts that are tried."""
 
 STILL_PX = 0.3
-"""Pixels: median miss of a point that does not move; good poses leave 0.1."""
+"""Pixels: median residual of a point that does not move; good poses leave 0.1."""
 
 MOVES_PX = 0.8
 """Pixels: from here on the object is said to move all the time."""
@@ -66,7 +66,7 @@ class RestObject:
     texture: np.ndarray
     """[S, S] uint8: the reference view with even contrast."""
     residual_px: float
-    """Pixels: median miss over the still views."""
+    """Pixels: median residual over the still views."""
     depth_sigma_m: float
     """Metres: median standard deviation of the vertices' depths."""
     note: str
@@ -94,26 +94,26 @@ def rest_object(
     for first in range(0, max(len(views) - STILL_VIEWS, 0) + 1, STEP):
         if masks[first].any():
             trial = _try(views, evened, masks[first], first, options)
-            miss = _median_miss(trial.solve(STILL_VIEWS, table_height))
-            trials.append((miss, trial))
-            if miss < STILL_PX:
+            residual = _median_residual(trial.solve(STILL_VIEWS, table_height))
+            trials.append((residual, trial))
+            if residual < STILL_PX:
                 break
     if not trials:
         raise EpisodeError("the object is not in the first views; start the video where it lies in view")
-    miss, trial = min(trials, key=lambda each: each[0])
-    # Go on as long as it stays still: a longer way of the camera sees more depth.
-    moved = np.flatnonzero(~(trial.solve(len(trial.views), table_height).residual < max(STILL_PX, 1.5 * miss)))
+    residual, trial = min(trials, key=lambda each: each[0])
+    # Go on as long as it stays still: a longer path of the camera sees more depth.
+    moved = np.flatnonzero(~(trial.solve(len(trial.views), table_height).residual < max(STILL_PX, 1.5 * residual)))
     count = max(int(moved[moved >= STILL_VIEWS].min(initial=len(trial.views))), 2)
     note = ""
-    if not np.isfinite(miss):
+    if not np.isfinite(residual):
         note = (
             "the object has no texture that can be followed: its depth is a guess from the table and its outline; "
             "put marks on it or use learned models"
         )
-    elif miss > MOVES_PX:
+    elif residual > MOVES_PX:
         note = (
-            f"the object never lies still in the first {len(views)} views (median miss {miss:.1f} px): its rest shape "
-            "is uncertain; film it for a second before it is touched"
+            f"the object never lies still in the first {len(views)} views (median residual {residual:.1f} px): "
+            "its rest shape is uncertain; film it for a second before it is touched"
         )
     return _object_of(trial, trial.solve(count, table_height), table_height, options, note)
 
@@ -209,13 +209,13 @@ def _object_of(
         feature_triangles=trial.triangles,
         feature_weights=trial.weights,
         texture=trial.texture,
-        residual_px=_median_miss(rest),
+        residual_px=_median_residual(rest),
         depth_sigma_m=float(np.median(rest.depth_sigma)),
         note=note,
     )
 
 
-def _median_miss(rest: RestSurface) -> float:
+def _median_residual(rest: RestSurface) -> float:
     """Pixels: over the views after the first; infinite if nothing was tracked in any."""
     known = rest.residual[1:][np.isfinite(rest.residual[1:])]
     return float(np.median(known)) if len(known) else float("inf")

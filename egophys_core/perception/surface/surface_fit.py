@@ -21,6 +21,7 @@ from scipy import sparse
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+from egophys_core.perception.robust import cauchy_weights
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.surface_mesh import SurfaceMesh, hinge_gaps, vertex_normals
 
@@ -71,7 +72,7 @@ class SurfaceModel:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sightings:
+class Correspondences:
     """Places of the surface found in a view."""
 
     corners: np.ndarray
@@ -84,8 +85,8 @@ class Sightings:
     """[M, 2]: where they were found."""
     sigma: np.ndarray
     """[M] pixels."""
-    doubt: np.ndarray
-    """[M] pixels: the miss from which on a sighting is rather taken for wrong (scale of the Cauchy weight)."""
+    robust_scale: np.ndarray
+    """[M] pixels: the residual from which on one is rather taken for wrong (scale of the Cauchy weight)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +110,7 @@ class FittedSurface:
     sigma: np.ndarray
     """[W] metres: square root of the trace of each point's posterior covariance."""
     residual: np.ndarray
-    """[M] pixels: distance of each sighting from its place."""
+    """[M] pixels: distance of each correspondence from its place."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,7 @@ class SurfaceFitter:
     def fit(
         self,
         view: View,
-        sightings: Sightings,
+        correspondences: Correspondences,
         predicted: np.ndarray,
         motion_sigma: np.ndarray,
         iterations: int,
@@ -147,7 +148,7 @@ class SurfaceFitter:
 
         Args:
             view: its pose is known.
-            sightings: M of them, possibly none.
+            correspondences: M of them, possibly none.
             predicted: [W, 3] metres.
             motion_sigma: [W] metres, of the prediction.
             iterations: of Gauss-Newton.
@@ -156,39 +157,39 @@ class SurfaceFitter:
         """
         positions = start
         for _ in range(iterations):
-            jacobian, misses, diagonal, gradient = self._system(
-                view, sightings, distances, positions, predicted, motion_sigma
+            jacobian, residuals, diagonal, gradient = self._system(
+                view, correspondences, distances, positions, predicted, motion_sigma
             )
             solve = self._factorised(jacobian.T @ jacobian + sparse.diags(diagonal.ravel()))
-            positions = positions - solve(jacobian.T @ misses + gradient.ravel()).reshape(-1, 3)
+            positions = positions - solve(jacobian.T @ residuals + gradient.ravel()).reshape(-1, 3)
         random = np.random.default_rng(0)
-        noise = jacobian.T @ random.standard_normal((len(misses), SAMPLES))
+        noise = jacobian.T @ random.standard_normal((len(residuals), SAMPLES))
         noise += np.sqrt(diagonal).reshape(-1, 1) * random.standard_normal((diagonal.size, SAMPLES))
         spread = solve(noise).reshape(-1, 3, SAMPLES)
         return FittedSurface(
             positions=positions,
             sigma=np.sqrt((spread**2).mean(axis=2).sum(axis=1)),
-            residual=np.linalg.norm(self._reprojection(view, sightings, positions)[0], axis=1),
+            residual=np.linalg.norm(self._reprojection(view, correspondences, positions)[0], axis=1),
         )
 
     def _system(
         self,
         view: View,
-        sightings: Sightings,
+        correspondences: Correspondences,
         distances: Distances | None,
         positions: np.ndarray,
         predicted: np.ndarray,
         motion_sigma: np.ndarray,
     ) -> tuple[sparse.csr_matrix, np.ndarray, np.ndarray, np.ndarray]:
-        """Derivatives and misses over their deviations; information [W, 3] and gradient [W, 3] of motion and table."""
+        """Derivatives and residuals over deviations; information [W, 3] and gradient [W, 3] of motion and table."""
         rows = [
-            self._sighting_rows(view, sightings, positions),
+            self._correspondence_rows(view, correspondences, positions),
             self._length_rows(positions),
             self._bending_rows(positions),
         ]
         if distances is not None:
             rows.append(_distance_rows(view, distances, positions))
-        blocks, misses = zip(*rows, strict=True)
+        blocks, residuals = zip(*rows, strict=True)
         diagonal = np.repeat(1 / motion_sigma[:, None] ** 2, 3, axis=1)
         gradient = diagonal * (positions - predicted)
         height = positions[:, 2] - self.model.lowest
@@ -197,7 +198,7 @@ class SurfaceFitter:
         table[on_it] += 1 / (RESTING_SIGMA_M * (1 + (height[on_it] / LIFTED_M) ** 2)) ** 2
         diagonal[:, 2] += table
         gradient[:, 2] += table * height
-        return sparse.vstack(blocks, format="csr"), np.concatenate(misses), diagonal, gradient
+        return sparse.vstack(blocks, format="csr"), np.concatenate(residuals), diagonal, gradient
 
     def _factorised(self, matrix: sparse.spmatrix) -> Callable[[np.ndarray], np.ndarray]:
         """Solver for right-hand sides [3 W] or [3 W, K]: Cholesky within the band that the order of points leaves."""
@@ -215,13 +216,13 @@ class SurfaceFitter:
 
         return solve
 
-    def _sighting_rows(
-        self, view: View, sightings: Sightings, positions: np.ndarray
+    def _correspondence_rows(
+        self, view: View, correspondences: Correspondences, positions: np.ndarray
     ) -> tuple[sparse.csr_matrix, np.ndarray]:
-        miss, jacobian = self._reprojection(view, sightings, positions)
-        weight = 1 / (1 + (miss**2).sum(axis=1) / sightings.doubt**2)
-        scale = np.repeat(np.sqrt(weight) / sightings.sigma, 2)
-        return sparse.diags(scale) @ jacobian, scale * miss.ravel()
+        residual, jacobian = self._reprojection(view, correspondences, positions)
+        weight = cauchy_weights((residual**2).sum(axis=1), correspondences.robust_scale)
+        scale = np.repeat(np.sqrt(weight) / correspondences.sigma, 2)
+        return sparse.diags(scale) @ jacobian, scale * residual.ravel()
 
     def _length_rows(self, positions: np.ndarray) -> tuple[sparse.csr_matrix, np.ndarray]:
         one, other = self.model.links.T
@@ -240,29 +241,29 @@ class SurfaceFitter:
         sigma = self.model.bending_sigma
         wanted = self.rest_gap[:, None] * _hinge_normals(self.model.mesh.hinges, positions)
         gap = (self.gaps @ positions.ravel()).reshape(-1, 3) - wanted
-        weight = 1 / (1 + (gap**2).sum(axis=1) / (CREASE * sigma) ** 2)
+        weight = cauchy_weights((gap**2).sum(axis=1), CREASE * sigma)
         scale = np.repeat(np.sqrt(weight) / sigma, 3)
         return sparse.diags(scale) @ self.gaps, scale * gap.ravel()
 
     def _reprojection(
-        self, view: View, sightings: Sightings, positions: np.ndarray
+        self, view: View, correspondences: Correspondences, positions: np.ndarray
     ) -> tuple[np.ndarray, sparse.csr_matrix]:
         """Projected less found [M, 2], and its derivative [2 M, 3 V] (normals held)."""
-        skin = self.skin(positions, 1.0)[sightings.corners]
+        skin = self.skin(positions, 1.0)[correspondences.corners]
         if self.model.thickness > 0:
-            middle = positions[sightings.corners]
-            skin = middle + sightings.side[:, None, None] * (skin - middle)
-        places = np.einsum("mk,mkd->md", sightings.weights, skin)
+            middle = positions[correspondences.corners]
+            skin = middle + correspondences.side[:, None, None] * (skin - middle)
+        places = np.einsum("mk,mkd->md", correspondences.weights, skin)
         rotation = view.world_from_camera[:3, :3]
         in_camera = (places - view.world_from_camera[:3, 3]) @ rotation
         depth = np.maximum(in_camera[:, 2:], 1e-3)
         flat = in_camera[:, :2] / depth
         focal = view.camera_matrix.diagonal()[:2]
-        miss = focal * flat + view.camera_matrix[:2, 2] - sightings.pixels
+        residual = focal * flat + view.camera_matrix[:2, 2] - correspondences.pixels
         # d(focal x / z) = focal (R_x - flat R_z) / z
         slope = (focal / depth)[:, :, None] * (rotation.T[:2] - flat[:, :, None] * rotation.T[2])
-        values = slope[:, :, None, :] * sightings.weights[:, None, :, None]
-        columns = 3 * sightings.corners[:, None, :, None] + np.arange(3)
+        values = slope[:, :, None, :] * correspondences.weights[:, None, :, None]
+        columns = 3 * correspondences.corners[:, None, :, None] + np.arange(3)
         shape = (len(places), 2, 3, 3)
         rows = np.arange(2 * len(places)).reshape(-1, 2, 1, 1)
         jacobian = sparse.csr_matrix(
@@ -272,7 +273,7 @@ class SurfaceFitter:
             ),
             shape=(2 * len(places), positions.size),
         )
-        return miss, jacobian
+        return residual, jacobian
 
     def skin(self, positions: np.ndarray, side: float) -> np.ndarray:
         """[V, 3] metres: the skin on one side, +1 the one that the reference view shows."""
@@ -286,12 +287,12 @@ class SurfaceFitter:
 def _distance_rows(view: View, distances: Distances, positions: np.ndarray) -> tuple[sparse.csr_matrix, np.ndarray]:
     axis = view.world_from_camera[:3, 2]
     vertices = distances.vertices
-    miss = (positions[vertices] - view.world_from_camera[:3, 3]) @ axis - distances.depth
-    scale = 1 / (distances.sigma * np.sqrt(1 + (miss / (FAR * distances.sigma)) ** 2))
+    residual = (positions[vertices] - view.world_from_camera[:3, 3]) @ axis - distances.depth
+    scale = 1 / (distances.sigma * np.sqrt(1 + (residual / (FAR * distances.sigma)) ** 2))
     columns = (3 * vertices[:, None] + np.arange(3)).ravel()
     values = (scale[:, None] * axis).ravel()
     shape = (len(vertices), positions.size)
-    return sparse.csr_matrix((values, (np.repeat(np.arange(len(vertices)), 3), columns)), shape=shape), scale * miss
+    return sparse.csr_matrix((values, (np.repeat(np.arange(len(vertices)), 3), columns)), shape=shape), scale * residual
 
 
 def fitter_of(model: SurfaceModel) -> SurfaceFitter:

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from egophys_core.perception.hands.grip import FEWEST_PIXELS, Grip, follow, hand_motion, hand_width, take_hold
+from egophys_core.constants import GRAVITY
+from egophys_core.perception.hands.grip import FEWEST_PIXELS, HeldVertices, follow, hand_motion, hand_width, take_hold
 from egophys_core.perception.masks import silhouette
 from egophys_core.perception.options import ObjectKind
 from egophys_core.perception.stages import Masks, View
@@ -13,10 +14,9 @@ from egophys_core.perception.surface import feature_search
 from egophys_core.perception.surface.feature_search import Found
 from egophys_core.perception.surface.patch_match import even_contrast
 from egophys_core.perception.surface.rest_surface import RestObject
-from egophys_core.perception.surface.surface_fit import Distances, FittedSurface, Sightings, fitter_of
+from egophys_core.perception.surface.surface_fit import Correspondences, Distances, FittedSurface, fitter_of
 from egophys_core.perception.surface.surface_render import project
 
-GRAVITY = 9.81
 SHEET_WEIGHT = 0.3
 """Share of gravity in the prediction of sheets: what is not seen falls until its neighbours hold it. More of it sags
 between the places that are seen."""
@@ -75,7 +75,7 @@ class SurfaceState:
     """[W] metres: standard deviation of the points, given the view before."""
     seen: np.ndarray
     """[N] bool: features found in this view."""
-    grip: Grip | None
+    grip: HeldVertices | None
     """What the hand holds."""
     hand_motion: np.ndarray | None
     """[2, 3] similarity of the hand in the image since the view before; None if it is not seen in both."""
@@ -103,7 +103,7 @@ class SurfaceTracker:
         self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._grey = cv2.cvtColor(reference.image, cv2.COLOR_BGR2GRAY)
         self._hand = np.zeros(self._grey.shape, bool)
-        self._grip: Grip | None = None
+        self._grip: HeldVertices | None = None
         self._has_gripped = False
         self._widths: list[float] = []
         self._width_times_depth = np.nan
@@ -163,7 +163,7 @@ class SurfaceTracker:
         distances: Distances | None,
         levels: int,
     ) -> tuple[FittedSurface, Found]:
-        """One round: render at the start, compare, solve. What is found stands first among the sightings."""
+        """One round: render at the start, compare, solve. What is found stands first among the correspondences."""
         fitter = self._fitter
         scene = feature_search.scene_of(self._rest, (fitter.skin(start, 1.0), fitter.skin(start, -1.0)), view)
         rendered = feature_search.find_rendered(self._rest, scene, evened, masks, levels)
@@ -174,13 +174,13 @@ class SurfaceTracker:
             sigma=np.append(rendered.sigma, others.sigma),
             side=np.append(rendered.side, others.side),
         )
-        seen = Sightings(
+        seen = Correspondences(
             corners=self._corners[found.features],
             weights=self._rest.feature_weights[found.features],
             side=found.side,
             pixels=found.pixels,
             sigma=found.sigma,
-            doubt=2 * found.sigma,
+            robust_scale=2 * found.sigma,
         )
         vertices = project(start[: len(self._rest.model.mesh.pixels)], view.camera_matrix, view.world_from_camera)[
             :, :2
@@ -244,31 +244,31 @@ class SurfaceTracker:
             self._has_gripped = self._grip is not None
 
 
-def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, doubt: float) -> Sightings:
-    """Sightings of vertices themselves, on the middle surface."""
+def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, robust_scale: float) -> Correspondences:
+    """Correspondences of vertices themselves, on the middle surface."""
     count = len(vertices)
     weights = np.zeros((count, 3))
     weights[:, 0] = 1.0
-    return Sightings(
+    return Correspondences(
         corners=np.repeat(vertices[:, None], 3, axis=1),
         weights=weights,
         side=np.zeros(count),
         pixels=pixels,
         sigma=np.full(count, sigma),
-        doubt=np.full(count, doubt),
+        robust_scale=np.full(count, robust_scale),
     )
 
 
-def _outline(vertices: np.ndarray, pixels: np.ndarray, sigma: float) -> Sightings:
+def _outline(vertices: np.ndarray, pixels: np.ndarray, sigma: float) -> Correspondences:
     return _of_vertices(vertices, pixels, sigma, OUTLINE_DOUBT_PX)
 
 
-def _together(parts: list[Sightings]) -> Sightings:
-    return Sightings(
+def _together(parts: list[Correspondences]) -> Correspondences:
+    return Correspondences(
         corners=np.vstack([part.corners for part in parts]),
         weights=np.vstack([part.weights for part in parts]),
         side=np.concatenate([part.side for part in parts]),
         pixels=np.vstack([part.pixels for part in parts]),
         sigma=np.concatenate([part.sigma for part in parts]),
-        doubt=np.concatenate([part.doubt for part in parts]),
+        robust_scale=np.concatenate([part.robust_scale for part in parts]),
     )

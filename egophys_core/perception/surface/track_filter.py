@@ -10,8 +10,6 @@ from scipy.spatial import cKDTree
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.stages import Masks, Tracks
 
-CONTROLLERS = 30
-"""Controller points of an episode (Appendix B.1)."""
 GROUND_MARGIN_M = 0.005
 """How far the ground is below the lowest point of the object, metres (Appendix B.1)."""
 FEWEST_NEIGHBOURS = 3
@@ -161,40 +159,6 @@ def visible_throughout(seen: np.ndarray, *, longest_gap: int = 0) -> np.ndarray:
         gap = np.where(row, 0, gap + 1)
         longest = np.maximum(longest, gap)
     return longest <= longest_gap
-
-
-def farthest_points(points: np.ndarray, count: int = CONTROLLERS) -> np.ndarray:
-    """Indices, increasing, of at most `count` of the points [N, 3], each the farthest from those chosen before it.
-
-    The first is the farthest from the mean; of equals the one of the lowest index, so nothing is random. Points that
-    are not finite are never chosen.
-    """
-    finite = np.flatnonzero(np.isfinite(points).all(axis=1))
-    if len(finite) <= count:
-        return finite
-    places = points[finite].astype(np.float64)
-    distance = np.linalg.norm(places - places.mean(axis=0), axis=1)
-    chosen: list[int] = []
-    for turn in range(count):
-        chosen.append(int(np.argmax(distance)))
-        from_chosen = np.linalg.norm(places - places[chosen[-1]], axis=1)
-        distance = from_chosen if turn == 0 else np.minimum(distance, from_chosen)
-        distance[chosen] = -1.0  # coincident points are at distance 0 as well, and are others
-    return np.sort(finite[chosen])
-
-
-def ground_below(points: np.ndarray, *, margin: float = GROUND_MARGIN_M) -> float:
-    """z of the ground in metres: `margin` below the lowest of the object's points [N, 3] in the first view, z up.
-
-    For recordings without a board, whose table is not known.
-
-    Raises:
-        EpisodeError: no point is finite.
-    """
-    heights = points[np.isfinite(points).all(axis=1), 2]
-    if len(heights) == 0:
-        raise EpisodeError("no object point is known in the first view, so neither is the ground; give its height")
-    return float(heights.min()) - margin
 
 
 def above_ground(points: np.ndarray, ground_height: float, *, margin: float = GROUND_MARGIN_M) -> np.ndarray:

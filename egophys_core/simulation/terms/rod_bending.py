@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
+from egophys_core.kinds.rod_curve import fastest_bending
 from egophys_core.lanes import Lanes, pack
 from egophys_core.lanes.state import StateArrays
 from egophys_core.simulation.batch import Rods
@@ -20,9 +21,6 @@ from egophys_core.twin import PhysicalParameters, level_axes
 
 TORSION_RATIO = 2.0 / 3.0
 """GJ / EI of a round rod of a material that keeps its volume."""
-
-MOST_DAMPING_RATE = 1e5
-"""1/s, of the fastest mode, that a rod's own damping may have: more asks for too many substeps."""
 
 
 @wp.func
@@ -94,7 +92,7 @@ def rod_bending(
     viscous = stiff * np.array([each.retardation_time for each in parameters])
     axes = np.array([level_axes(start[-1] - start[0]) for start in starts])
     bends = np.array([[each.natural_bend_level, each.natural_bend_up] for each in parameters])
-    fastest = np.array([_fastest(*each) for each in zip(lengths, masses, strict=True)])
+    fastest = np.array([fastest_bending(*each) for each in zip(lengths, masses, strict=True)])
     return Rods(
         rigidity=stiff,
         viscosity=viscous,
@@ -119,24 +117,3 @@ def rod_arrays(rods: Rods | None, device: str) -> RodArrays:
     arrays.forces = wp.zeros((*shape, 3), dtype=Lanes, device=device)
     arrays.sections = wp.zeros((*shape, SECTION_NUMBERS), dtype=Lanes, device=device)
     return arrays
-
-
-def longest_retardation(rigidity: float, lengths: np.ndarray, masses: np.ndarray) -> float:
-    """Seconds of retardation that a rod's simulation can afford; its own damps slow modes, fast ones are gone anyway.
-
-    Args:
-        rigidity: N m^2.
-        lengths: [N - 1] metres of the pieces between nodes.
-        masses: [N] kg.
-    """
-    return MOST_DAMPING_RATE / (rigidity * _fastest(lengths, masses))
-
-
-def _fastest(lengths: np.ndarray, masses: np.ndarray) -> float:
-    """Largest omega^2 in 1/s^2 of a rod of 1 N m^2, lengths [N - 1] and masses [N]."""
-    h = lengths.astype(np.float64)
-    turns = np.zeros((len(h) - 1, len(masses)))
-    rows = np.arange(len(turns))
-    turns[rows, rows], turns[rows, rows + 1], turns[rows, rows + 2] = 1 / h[:-1], -1 / h[:-1] - 1 / h[1:], 1 / h[1:]
-    scaled = turns * np.sqrt(2.0 / (h[:-1] + h[1:]))[:, None] / np.sqrt(masses)
-    return float(np.linalg.norm(scaled, 2) ** 2)

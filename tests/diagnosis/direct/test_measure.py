@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from scipy.interpolate import interp1d
 
-from egophys_core.diagnosis.direct.measure import LEAST_GAIN, Measured, measure
-from egophys_core.diagnosis.evidence.residuals import Observation, observe
+from egophys_core.diagnosis.direct.measure import measure
+from egophys_core.diagnosis.direct.measured import MeasuredEffect
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe
 from egophys_core.effects import TwinEffect
 from egophys_core.effects.rotations import rotation
 from egophys_core.episode import Episode
-from egophys_core.kinds.rest_shape import RestShape
-from egophys_core.twin import ObjectKind, ObjectModel
+from egophys_core.kinds.kind import RestShape
+from egophys_core.twin import ObjectModel
 from tests.identification.synthetic import known_model, make_episode
 from tests.simulation.scenes import sheet_positions
 
@@ -29,7 +30,7 @@ EXPECTED = {
 def fine_sheet() -> ObjectModel:
     """A sheet whose nodes lie as close as tracks of a towel do, in a firm grip."""
     shape = RestShape(
-        positions=sheet_positions(11, 0.018, 0.004), surface=np.ones(121, bool), kind=ObjectKind.SHEET, spacing=0.018
+        positions=sheet_positions(11, 0.018, 0.004), surface=np.ones(121, bool), kind="sheet", spacing=0.018
     )
     model = known_model(shape)
     return replace(model, parameters=replace(model.parameters, controller_stiffness=2000.0))
@@ -62,15 +63,19 @@ def measured_episodes(*names: str) -> list[Episode]:
 
 
 @cache
-def observed(*names: str) -> list[Observation]:
+def observed(*names: str) -> list[TrackedEpisode]:
     """The same beside the twin without the effects."""
     return [observe(fine_sheet(), episode) for episode in measured_episodes(*names)]
 
 
 def measured(
-    fitted: list[Observation], proofs: list[Observation], *, is_sheet: bool = True, without: tuple[str, ...] = ()
-) -> list[Measured]:
-    return measure(fitted, proofs, is_sheet=is_sheet, without=without, resamples=200, seed=0)
+    fitted: list[TrackedEpisode],
+    validation: list[TrackedEpisode],
+    *,
+    lies_flat: bool = True,
+    without: tuple[str, ...] = (),
+) -> list[MeasuredEffect]:
+    return measure(fitted, validation, lies_flat=lies_flat, without=without, resamples=200, seed=0)
 
 
 @pytest.mark.parametrize(
@@ -78,30 +83,32 @@ def measured(
     [("control_delay", 0.005), ("tracking_scale", 0.02), ("grasp_slip", 0.003), ("tracking_rotation", 0.003)],
 )
 def test_an_effect_is_measured_with_its_numbers(name: str, within: float):
-    *fitted, proof = observed(name)
-    found, *others = measured(fitted, [proof])
+    *fitted, validation = observed(name)
+    found, *others = measured(fitted, [validation])
     assert found.name == name
     assert not any(each.shows for each in others)
     assert {name, *(each.name for each in others)} == set(EXPECTED)
     for number, value in EXPECTED[name].items():
         assert found.values[number] == pytest.approx(value, abs=0.2 if number == "onset" else within)
     assert found.episodes_agree
-    assert min(found.fitted_gain, found.held_out_gain) >= LEAST_GAIN
-    assert found.proof_gain is not None
-    assert found.proof_gain > 0.0
+    assert min(found.fitted_gain, found.held_out_gain) >= 12.0
+    assert found.validation_gain is not None
+    assert found.validation_gain > 0.0
     assert name in found.reason
 
 
-def test_nothing_planted_nothing_shows():
-    *fitted, proof = observed()
-    found = measured(fitted, [proof])
+def test_nothing_injected_nothing_shows():
+    *fitted, validation = observed()
+    found = measured(fitted, [validation])
     assert {each.name for each in found} == set(EXPECTED)
     assert not any(each.shows for each in found)
 
 
 def test_an_effect_left_out_is_not_measured():
-    *fitted, proof = observed("tracking_rotation")
-    assert "tracking_rotation" not in {each.name for each in measured(fitted, [proof], without=("tracking_rotation",))}
+    *fitted, validation = observed("tracking_rotation")
+    assert "tracking_rotation" not in {
+        each.name for each in measured(fitted, [validation], without=("tracking_rotation",))
+    }
 
 
 def test_one_motion_measures_nothing():
@@ -109,21 +116,23 @@ def test_one_motion_measures_nothing():
 
 
 def test_a_toy_does_not_tell_how_level_its_table_is():
-    *fitted, proof = observed("tracking_rotation")
-    assert "tracking_rotation" not in {each.name for each in measured(fitted, [proof], is_sheet=False)}
+    *fitted, validation = observed("tracking_rotation")
+    assert "tracking_rotation" not in {each.name for each in measured(fitted, [validation], lies_flat=False)}
 
 
-def test_what_another_motion_disproves_does_not_show():
-    fitted, proof = observed("control_delay")[:2], observed()[2]
-    assert not any(each.shows for each in measured(fitted, [proof]))
+def test_what_a_validation_episode_refutes_does_not_show():
+    fitted, validation = observed("control_delay")[:2], observed()[2]
+    found = {each.name: each for each in measured(fitted, [validation])}
+    assert not any(each.shows for each in found.values())
+    assert [each.name for each in found["control_delay"].criteria if not each.passed] == ["validation"]
 
 
 def test_a_grip_may_slip_in_some_motions_only():
-    fitted, proof = observed("grasp_slip")[:2], observed()[2]
-    assert [each.name for each in measured(fitted, [proof]) if each.shows] == ["grasp_slip"]
+    fitted, validation = observed("grasp_slip")[:2], observed()[2]
+    assert [each.name for each in measured(fitted, [validation]) if each.shows] == ["grasp_slip"]
 
 
 def test_two_effects_are_measured_together():
-    *fitted, proof = observed("control_delay", "tracking_rotation")
-    shown = {each.name for each in measured(fitted, [proof]) if each.shows}
+    *fitted, validation = observed("control_delay", "tracking_rotation")
+    shown = {each.name for each in measured(fitted, [validation]) if each.shows}
     assert shown == {"control_delay", "tracking_rotation"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.direct.mounting import SHARE, beside_mounting
+from egophys_core.diagnosis.direct.mounting import beside_mounting
 
 
 def test_of_a_mean_a_share_is_left_and_what_moves_stays():
@@ -11,7 +11,7 @@ def test_of_a_mean_a_share_is_left_and_what_moves_stays():
     swing = random.normal(size=(2, 50, 3, 3))
     swing -= swing.mean(axis=1, keepdims=True)
     found = beside_mounting(swing + 0.01)
-    assert found.mean(axis=1) == pytest.approx(SHARE * 0.01)
+    assert found.mean(axis=1) == pytest.approx(0.2 * 0.01)
     assert found - found.mean(axis=1, keepdims=True) == pytest.approx(swing)
 
 
@@ -19,7 +19,7 @@ def test_unseen_blocks_stay_unseen_and_count_nothing():
     means = np.full((1, 6, 2, 3), np.nan)
     means[:, [1, 4], 0] = 1.0
     found = beside_mounting(means)
-    assert found[:, [1, 4], 0] == pytest.approx(SHARE)
+    assert found[:, [1, 4], 0] == pytest.approx(0.2)
     assert (np.isfinite(found) == np.isfinite(means)).all()
 
 

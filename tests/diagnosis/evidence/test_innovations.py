@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.evidence.innovations import PERSISTENCE, innovations
+from egophys_core.diagnosis.evidence.innovations import innovations
+
+PERSISTENCE = 0.8
+"""Correlation of a patch's offset with that of the block before."""
 
 
 def test_an_autoregressive_series_becomes_white_and_keeps_its_spread():

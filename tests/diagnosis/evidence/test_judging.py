@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
-from egophys_core.diagnosis.evidence.judging import proven
+from egophys_core.diagnosis.evidence.judging import validated
 from egophys_core.diagnosis.evidence.refit import refit
 from egophys_core.diagnosis.evidence.residuals import observe
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
@@ -15,17 +15,17 @@ from tests.diagnosis.verdict.test_decide import judged
 
 @pytest.fixture(scope="module")
 def gains():
-    """Of the true wind, its reverse, and no wind, on another base, in an episode in that wind."""
+    """Of the true wind, its reverse, and no wind, on another baseline, in an episode in that wind."""
     held_out = [observe(sheet(), episodes(WIND)[1])]
     before = refit(held_out, sheet(), (), iterations=0, scale=1e-3)
-    base = replace(sheet(), parameters=replace(sheet().parameters, damping=3.0 * sheet().parameters.damping))
+    baseline = replace(sheet(), parameters=replace(sheet().parameters, damping=3.0 * sheet().parameters.damping))
     models = [
         with_effect(sheet(), WIND.name, dict(WIND.values)),
         with_effect(sheet(), WIND.name, {axis: -value for axis, value in WIND.values.items()}),
-        with_effect(base, WIND.name, dict.fromkeys(WIND.values, 0.0)),
+        with_effect(baseline, WIND.name, dict.fromkeys(WIND.values, 0.0)),
     ]
     effects = [judged("quadratic_drag", 10.0, fitted=replace(before, model=model)) for model in models]
-    return np.array([each.proof_gains for each in proven(effects, before, held_out)])
+    return np.array([each.validation_gains for each in validated(effects, before, held_out)])
 
 
 def test_the_true_effect_gains_in_an_episode_that_was_not_fitted(gains):
@@ -33,6 +33,6 @@ def test_the_true_effect_gains_in_an_episode_that_was_not_fitted(gains):
     assert gains[0, 0] > 50.0
 
 
-def test_its_reverse_loses_and_what_its_base_changes_is_not_counted(gains):
+def test_its_reverse_loses_and_what_its_baseline_changes_is_not_counted(gains):
     assert gains[1, 0] < 0.0
     assert gains[2, 0] == 0.0

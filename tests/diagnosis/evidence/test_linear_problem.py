@@ -12,7 +12,7 @@ from egophys_core.diagnosis.evidence.linear_problem import (
     left_out_losses,
     linear_problem,
     resampled_steps,
-    sham,
+    surrogate,
     trusted_columns,
 )
 
@@ -70,10 +70,10 @@ def test_each_column_may_have_a_reach_of_its_own():
     )
 
 
-def test_the_base_explains_no_more_than_it_is_trusted_with():
+def test_the_baseline_explains_no_more_than_it_is_trusted_with():
     columns = random_columns(1)
     problem = problem_with(columns, [5.0])
-    known = replace(problem, base=problem.column(columns))
+    known = replace(problem, baseline=problem.column(columns))
     assert fitted_gain(known, free_columns(problem.column(columns))) > 20.0
 
 
@@ -82,20 +82,20 @@ def test_nothing_to_fit_gives_no_steps():
     assert fit(np.ones(5), free_columns(np.zeros((5, 0))), SCALE).shape == (0,)
 
 
-def test_a_true_column_gains_on_what_was_left_out_and_a_sham_does_not():
+def test_a_true_column_gains_on_what_was_left_out_and_a_surrogate_does_not():
     columns = random_columns(1)
     problem = problem_with(columns, [2.0])
-    nothing = left_out_losses(problem, free_columns(problem.base), problem.fold).sum()
+    nothing = left_out_losses(problem, free_columns(problem.baseline), problem.fold).sum()
     for groups in (problem.fold, problem.episode):
         assert nothing - left_out_losses(problem, free_columns(problem.column(columns)), groups).sum() > 20.0
-    other = sham(problem, columns, np.array([0.4, 0.6]), np.roll(np.arange(CELLS), 5))
+    other = surrogate(problem, columns, np.array([0.4, 0.6]), np.roll(np.arange(CELLS), 5))
     assert nothing - left_out_losses(problem, free_columns(other), problem.fold).sum() < 5.0
 
 
-def test_what_the_base_explains_is_no_gain():
+def test_what_the_baseline_explains_is_no_gain():
     columns = random_columns(1)
     problem = problem_with(columns, [2.0])
-    known = replace(problem, base=problem.column(columns))
+    known = replace(problem, baseline=problem.column(columns))
     assert fitted_gain(known, free_columns(problem.column(columns))) == pytest.approx(0.0, abs=1e-2)
 
 
@@ -113,7 +113,7 @@ def test_intervals_hold_the_truth():
     inside = 0
     for seed in range(20):
         problem = problem_with(columns, [1.0], seed=seed)
-        steps = resampled_steps(replace(problem, base=problem.column(columns)), resamples=100, seed=seed)[:, 0]
+        steps = resampled_steps(replace(problem, baseline=problem.column(columns)), resamples=100, seed=seed)[:, 0]
         low, high = np.quantile(steps, [0.025, 0.975])
         inside += low <= 1.0 <= high
     assert inside >= 15

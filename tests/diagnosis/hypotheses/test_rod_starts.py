@@ -1,20 +1,20 @@
-"""Starts on rods: an effect is found beside a twin that swings out of step without it."""
+"""Starts on rods: an effect is found beside a twin that is out of phase without it."""
 
 from dataclasses import replace
 
 import pytest
 
-from egophys_core.diagnosis.evidence.fitted_parameters import base_knobs, effect_values, with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, effect_values, with_effect
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.evidence.refit import refit
 from egophys_core.diagnosis.hypotheses.ranking import probe_effects, rank
-from egophys_core.diagnosis.hypotheses.rod_starts import KEPT, rod_starts
+from egophys_core.diagnosis.hypotheses.rod_starts import rod_starts
 from egophys_core.effects import LIBRARY
-from egophys_core.identification.marker_unknowns import rigidity_of, rod_model
-from egophys_core.observation.markers import marker_body
+from egophys_core.kinds.rod import rigidity_of, rod_model
 from tests.diagnosis.cantilever import twin_of
 from tests.kinds.hanging_cable import curve, moved_by_hand, record_of, rolled_out
+from tests.kinds.seen_markers import marker_body
 
 RIGIDITY = 0.02
 """m^4/s^2, of the cable."""
@@ -30,15 +30,15 @@ def light():
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=140), aside=0.1)
     body = marker_body(moved, None)
     cable = rod_model(body, density=1000.0, rigidity=RIGIDITY, retardation_time=0.015, drag=0.0)
-    planted = with_effect(cable, "gravity_scale", {"scale": 0.8})
+    injected = with_effect(cable, "gravity_scale", {"scale": 0.8})
     bar = rod_model(body, density=1000.0, rigidity=100.0 * RIGIDITY, retardation_time=1e-4, drag=20.0)
-    seen = replace(moved, points=rolled_out(planted, body, moved))
+    seen = replace(moved, points=rolled_out(injected, body, moved))
     observations = [observe_markers(twin_of(body, bar), seen)]
-    before = refit(observations, bar, base_knobs(bar, clamped=True), iterations=0)
+    before = refit(observations, bar, baseline_parameters(bar), iterations=0)
     probes = probe_effects(
         observations, bar, before.residuals, without=LIBRARY.keys() - LIKE_IT, progress=lambda share: None
     )
-    ranking = rank(linear_problem(before.residuals, before.jacobian, before.scale), probes, shams=0, seed=0)
+    ranking = rank(linear_problem(before.residuals, before.jacobian, before.scale), probes, surrogates=0, seed=0)
     shares = []
     starts = rod_starts(observations, bar, ranking.ranked, before.scale, progress=shares.append)
     return before, starts, shares
@@ -64,7 +64,7 @@ def test_it_leaves_less_than_any_other_effect(light):
 def test_a_few_starts_of_each_effect_are_kept_the_best_first(light):
     before, starts, shares = light
     for name, found in starts.items():
-        assert len(found) == KEPT
+        assert len(found) == 3
         losses = [start.loss(before.scale) for start in found]
         assert losses == sorted(losses)
         assert all([term.name for term in start.model.effects] == [name] for start in found)

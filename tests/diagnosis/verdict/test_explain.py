@@ -7,6 +7,7 @@ import pytest
 
 from egophys_core.diagnosis.diagnosis import Outcome
 from egophys_core.diagnosis.verdict import explain
+from tests.diagnosis.findings import make_decision
 
 DELAY = SimpleNamespace(name="control_delay", shows=True, reason="control_delay is measured")
 ABSENT = SimpleNamespace(name="tracking_scale", shows=False, reason="tracking_scale is measured")
@@ -18,7 +19,11 @@ def judged(name: str) -> SimpleNamespace:
 
 def verdict(outcome: Outcome, *names: str) -> SimpleNamespace:
     return SimpleNamespace(
-        outcome=outcome, judged=tuple(map(judged, names)), reason=f"{outcome} {' '.join(names)}", experiment=None
+        outcome=outcome,
+        named=tuple(map(judged, names)),
+        reason=f"{outcome} {' '.join(names)}",
+        experiment=None,
+        decision=make_decision(rule=str(outcome)),
     )
 
 
@@ -36,11 +41,11 @@ EITHER = verdict(Outcome.AMBIGUOUS, "tilt", "force")
         ([], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
         ([], [DRAG, TETHER], Outcome.NAMED, ["drag", "tether"], "with tether"),
         ([], [DRAG, EITHER], Outcome.NAMED_AND_UNEXPLAINED, ["drag"], "with drag"),
-        ([DELAY], [NONE], Outcome.NAMED, ["control_delay"], "base"),
+        ([DELAY], [NONE], Outcome.NAMED, ["control_delay"], "baseline"),
         ([DELAY], [DRAG], Outcome.NAMED, ["control_delay", "drag"], "with drag"),
         ([ABSENT], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
-        ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], "base"),
-        ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], "base"),
+        ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], "baseline"),
+        ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], "baseline"),
     ],
 )
 def test_the_outcome_is_of_all_that_was_found(
@@ -53,17 +58,17 @@ def test_the_outcome_is_of_all_that_was_found(
 ):
     asked = []
 
-    def search(inquiry: Any, before: Any, without: set[str], progress: Any, *, others: list[Any]) -> SimpleNamespace:
+    def search(problem: Any, before: Any, without: set[str], progress: Any, *, others: list[Any]) -> SimpleNamespace:
         asked.append(without)
         progress("search", 1.0)
         return SimpleNamespace(verdict=verdicts[len(asked) - 1], before="relieved")
 
     monkeypatch.setattr(explain, "search", search)
     shares: list[float] = []
-    base: Any = SimpleNamespace(fitted="base", others=["another"])
+    baseline: Any = SimpleNamespace(fitted="baseline", others=["another"])
     found = explain.explain(
         SimpleNamespace(),  # type: ignore[arg-type]
-        base,
+        baseline,
         measured,
         {"grasp_slip"},
         lambda stage, share: shares.append(share),
@@ -77,3 +82,7 @@ def test_the_outcome_is_of_all_that_was_found(
     for each in (*(one for one in measured if one.shows), *(one for one in verdicts if one.outcome == Outcome.NAMED)):
         assert each.reason in found.reason
     assert ABSENT.reason not in found.reason
+    assert [each.rule for each in found.decisions] == [str(each.outcome) for each in verdicts]
+    shown = tuple(each.name for each in measured if each.shows)
+    assert found.decisions[0].beside == shown
+    assert found.decisions[-1].beside == (*shown, *(each.named[0].name for each in verdicts[:-1]))

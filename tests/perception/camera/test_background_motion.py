@@ -59,7 +59,7 @@ def film(table: np.ndarray, poses: np.ndarray, noise: float = 2.0) -> list[np.nd
     return images
 
 
-def misses(found: BackgroundPoses, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def errors(found: BackgroundPoses, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Errors of place, metres, and orientation, degrees, and tilt of the world, degrees, after a similarity."""
     true, made = poses[found.known], found.world_from_camera[found.known]
     left, _, right = np.linalg.svd(np.einsum("tij,tkj->ik", true[:, :3, :3], made[:, :3, :3]))
@@ -75,7 +75,7 @@ def misses(found: BackgroundPoses, poses: np.ndarray) -> tuple[np.ndarray, np.nd
 def test_path_tilt_and_scale_come_back(table):
     poses = sway(30)
     found = background_poses(enumerate(film(table, poses)), MATRIX, height_m=poses[0, 2, 3])
-    places, turns, tilt = misses(found, poses)
+    places, turns, tilt = errors(found, poses)
     # Measured 0.05 mm, 0.005 and 0.02 degrees; without a fit, with the height true, the scale is that of the world.
     assert found.known.all()
     assert places.mean() < 0.3e-3
@@ -109,7 +109,7 @@ def test_long_path_goes_over_keyframes_and_closes(table):
     for frame, image in enumerate(images):
         tracker.add(frame, image)
     assert len(tracker.keyframes) > 2
-    places, turns, _ = misses(found, poses)
+    places, turns, _ = errors(found, poses)
     assert found.known.all()
     assert places.max() < 1.5e-3
     assert turns.max() < 0.1
@@ -122,14 +122,14 @@ def test_orbit_around_the_table(table):
     poses = np.array([look([0.5 * np.cos(a), 0.5 * np.sin(a), 0.5], [0, 0, 0]) for a in angle])
     found = background_poses(enumerate(film(table, poses)), MATRIX)
     assert found.known.all()
-    assert misses(found, poses)[0].max() < 1.5e-3
+    assert errors(found, poses)[0].max() < 1.5e-3
 
 
 def test_moving_hand_and_object_drop_out():
     views = [draw(Scene(), frame)[0] for frame in range(0, 40, 2)]
     poses = np.array([view.world_from_camera for view in views])
     found = background_poses(((view.stamp_ns, view.image) for view in views), views[0].camera_matrix)
-    places, turns, tilt = misses(found, poses)
+    places, turns, tilt = errors(found, poses)
     assert found.known.all()
     assert places.mean() < 1e-3
     assert turns.mean() < 0.1
@@ -146,7 +146,7 @@ def test_black_covered_and_blurred_frames_are_lost_and_said_and_the_rest_recover
     found = background_poses(enumerate(images), MATRIX)
     assert np.flatnonzero(~found.known).tolist() == [8, 14, *range(20, 26)]
     assert np.isnan(found.world_from_camera[~found.known]).all()
-    assert misses(found, poses)[0].max() < 1e-3
+    assert errors(found, poses)[0].max() < 1e-3
     assert "1 frames: the image is black" in found.note
     assert "7 frames: too little of the table" in found.note
 
@@ -158,7 +158,7 @@ def test_first_frames_may_be_black_or_show_no_table(table):
     images[1] = np.random.default_rng(5).integers(0, 255, images[1].shape, dtype=np.uint8)
     found = background_poses(enumerate(images), MATRIX)
     assert np.flatnonzero(~found.known).tolist() == [0, 1]
-    assert misses(found, poses)[0].max() < 1e-3
+    assert errors(found, poses)[0].max() < 1e-3
 
 
 def test_same_frames_same_poses(table):
@@ -226,7 +226,7 @@ def test_recorded_video_without_its_board(name):
             poses.append(pose.world_from_camera)
             images.append(_without_board(image, pose.world_from_camera, view.matrix))
     found = background_poses(enumerate(images), view.matrix)
-    places, turns, tilt = misses(found, np.array(poses))
+    places, turns, tilt = errors(found, np.array(poses))
     # Measured 0.16 and 0.20 mm mean, 0.9 at most, of which the board's own noise is about 0.15.
     assert found.known.all()
     assert places.mean() < 0.5e-3

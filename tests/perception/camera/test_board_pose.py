@@ -10,7 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import OptionsError
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, doubt_intrinsics, focal_error
+from egophys_core.perception.camera.board_pose import (
+    BoardPoseFinder,
+    CameraPose,
+    NoPose,
+    focal_error,
+    intrinsics_warning,
+)
 from egophys_core.perception.camera.lens import FullView, SquareView
 from egophys_core.perception.camera.pose_track import track_poses
 from egophys_core.perception.camera.video import open_video
@@ -165,12 +171,12 @@ def test_wrong_focal_length_is_noticed(scenes, factor):
     error, deviation = focal_error(poses)
     assert (error > 0) == (factor < 1)
     assert abs(error) > 5 * deviation
-    assert "focal length" in (doubt_intrinsics(poses) or "")
+    assert "focal length" in (intrinsics_warning(poses) or "")
 
 
 def test_right_intrinsics_are_not_doubted(scenes, finder):
-    assert doubt_intrinsics([located(finder.find(image)) for _, image in scenes]) is None
-    assert doubt_intrinsics([]) is None
+    assert intrinsics_warning([located(finder.find(image)) for _, image in scenes]) is None
+    assert intrinsics_warning([]) is None
 
 
 def test_undistorted_lens_is_noticed(scenes, finder):
@@ -179,14 +185,14 @@ def test_undistorted_lens_is_noticed(scenes, finder):
     stretch = 1 + 0.3 * (x * x + y * y)
     maps = [(value * stretch * 577.3 + 319.5).astype(np.float32) for value in (x, y)]
     poses = [located(finder.find(cv2.remap(image, *maps, cv2.INTER_CUBIC))) for _, image in scenes]
-    assert doubt_intrinsics(poses) is not None
+    assert intrinsics_warning(poses) is not None
 
 
 @pytest.mark.parametrize("gap", [0.018, 0.013])
 def test_wrong_side_or_gap_is_noticed(scenes, gap):
     finder = BoardPoseFinder(replace(BOARD, gap=gap), MATRIX)
     poses = [each for _, image in scenes if isinstance(each := finder.find(image), CameraPose)]
-    assert not poses or "measure" in (doubt_intrinsics(poses) or "")
+    assert not poses or "measure" in (intrinsics_warning(poses) or "")
 
 
 def test_wrong_order_of_tags_has_no_pose(scenes):
@@ -235,4 +241,4 @@ def test_recorded_videos(name):
     # A head moves smoothly: third differences of white noise have 20 times its variance.
     jerk = np.diff(track.world_from_camera[:, :3, 3], n=3, axis=0)
     assert np.sqrt((jerk**2).sum(axis=1).mean() / 20) < 0.3e-3
-    assert doubt_intrinsics(poses) is None
+    assert intrinsics_warning(poses) is None

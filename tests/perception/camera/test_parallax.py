@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from egophys_core.perception.camera.parallax import RestSurface, _misses, rays_of_pixels, surface_from_parallax
+from egophys_core.perception.camera.parallax import RestSurface, _residuals, rays_of_pixels, surface_from_parallax
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.surface_mesh import SurfaceMesh, boundary_edges, locate, mesh_of_mask
 from egophys_core.perception.surface.surface_render import project
@@ -141,9 +141,9 @@ def test_derivative_by_the_inverse_depth() -> None:
     pixels = np.random.default_rng(3).uniform(10, 110, (12, 2))
     rays, centre = rays_of_pixels(pixels, first), first.world_from_camera[:3, 3]
     inverse, step = np.linspace(1.8, 3.0, 12), 1e-5
-    _, slope = _misses(other, centre, rays, inverse, pixels)
-    up, _ = _misses(other, centre, rays, inverse + step, pixels)
-    down, _ = _misses(other, centre, rays, inverse - step, pixels)
+    _, slope = _residuals(other, centre, rays, inverse, pixels)
+    up, _ = _residuals(other, centre, rays, inverse + step, pixels)
+    down, _ = _residuals(other, centre, rays, inverse - step, pixels)
     np.testing.assert_allclose(slope, (up - down) / (2 * step), rtol=1e-6, atol=1e-6)
 
 

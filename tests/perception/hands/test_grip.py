@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from egophys_core.perception.hands.grip import Grip, carried, follow, hand_motion, take_hold, tip_of_hand
+from egophys_core.perception.hands.grip import HeldVertices, carried, follow, hand_motion, take_hold, tip_of_hand
 from egophys_core.perception.stages import Masks
 
 SIZE, FOCAL = 160, 300.0
@@ -92,7 +92,7 @@ def test_a_hand_beside_the_object_holds_nothing() -> None:
 
 
 def test_held_vertices_go_along_until_they_leave_the_hand() -> None:
-    grip = Grip(vertices=np.array([4, 8]), pixels=np.array([[95.0, 80], [92, 74]]))
+    grip = HeldVertices(vertices=np.array([4, 8]), pixels=np.array([[95.0, 80], [92, 74]]))
     stay = np.array([[1.0, 0, 0], [0, 1, 0]])
     kept = follow(grip, stay, hand_mask())
     assert kept is not None

@@ -58,7 +58,7 @@ def test_table_is_likelier_lit_as_learnt_and_in_shadow_than_of_another_hue():
 
 
 def test_colours_learnt_are_likelier_and_shade_is_expected():
-    model = ColourModel(shading=0.3, doubt=0.02)
+    model = ColourModel(shading=0.3, background_share=0.02)
     image = np.array([[[60, 180, 70], [30, 90, 35], [200, 40, 60]]], np.uint8)
     codes = colour_codes(image)[0]
     assert not model.known

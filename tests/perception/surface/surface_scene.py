@@ -21,6 +21,7 @@ from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface.rest_surface import RestObject, rest_object
 from egophys_core.perception.surface.surface_tracker import SurfaceState, SurfaceTracker
 from egophys_core.recording import LogWriter, jazzy_types
+from egophys_core.recording.camera_messages import pinhole_info, stamped_header
 
 SIDE, FOCAL, RATE = 320, 370.0, 30.0
 MATRIX = np.array([[FOCAL, 0, (SIDE - 1) / 2], [0, FOCAL, (SIDE - 1) / 2], [0, 0, 1.0]])
@@ -344,12 +345,6 @@ def _clouds(rng: np.random.Generator, grain: int) -> np.ndarray:
     return np.asarray(noise / noise.std())
 
 
-def _header(stamp_ns: int) -> Any:
-    types = jazzy_types().types
-    stamp = types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
-    return types["std_msgs/msg/Header"](stamp=stamp, frame_id="ego_camera_optical")
-
-
 def _jpeg(stamp_ns: int, image: np.ndarray) -> Any:
     data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 94])[1].ravel()
     kind = jazzy_types().types["sensor_msgs/msg/CompressedImage"]
@@ -369,19 +364,10 @@ def _raw(stamp_ns: int, image: np.ndarray) -> Any:
 
 
 def _info(stamp_ns: int, focal: float, size: tuple[int, int]) -> Any:
-    types = jazzy_types().types
     matrix = MATRIX.copy()
     matrix[[0, 1], [0, 1]] = focal
-    return types["sensor_msgs/msg/CameraInfo"](
-        header=_header(stamp_ns),
-        height=size[1],
-        width=size[0],
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
-        k=matrix.ravel(),
-        r=np.eye(3).ravel(),
-        p=np.hstack([matrix, np.zeros((3, 1))]).ravel(),
-        binning_x=0,
-        binning_y=0,
-        roi=types["sensor_msgs/msg/RegionOfInterest"](x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
-    )
+    return pinhole_info(_header(stamp_ns), matrix, size)
+
+
+def _header(stamp_ns: int) -> Any:
+    return stamped_header(stamp_ns, "ego_camera_optical")

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.perception.camera.parallax import rays_of_pixels
 from egophys_core.perception.stages import View
-from egophys_core.perception.surface.surface_fit import Sightings, SurfaceFitter, SurfaceModel, fitter_of
+from egophys_core.perception.surface.surface_fit import Correspondences, SurfaceFitter, SurfaceModel, fitter_of
 from egophys_core.perception.surface.surface_mesh import SurfaceMesh, mesh_of_mask, vertex_normals
 from egophys_core.perception.surface.surface_render import project
 
@@ -58,7 +58,7 @@ def rolled(rest: np.ndarray, radius: float, sideways: float = 0.0) -> np.ndarray
     return np.column_stack([x, rest[:, 1] + sideways, rest[:, 2] + radius * (1 - np.cos(angle))])
 
 
-def sightings_of(fitter: SurfaceFitter, positions: np.ndarray, view: View, noise: float = 0.0) -> Sightings:
+def sightings_of(fitter: SurfaceFitter, positions: np.ndarray, view: View, noise: float = 0.0) -> Correspondences:
     """Three places of each triangle, seen exactly or with noise, on the skin towards the camera."""
     mesh = fitter.model.mesh
     corners = np.repeat(mesh.triangles, 3, axis=0)
@@ -67,13 +67,13 @@ def sightings_of(fitter: SurfaceFitter, positions: np.ndarray, view: View, noise
     places = np.einsum("mk,mkd->md", weights, skin[corners])
     pixels = project(places, view.camera_matrix, view.world_from_camera)[:, :2]
     count = len(corners)
-    return Sightings(
+    return Correspondences(
         corners=corners,
         weights=weights,
         side=np.ones(count),
         pixels=pixels + np.random.default_rng(0).normal(0, noise, pixels.shape),
         sigma=np.full(count, 0.3),
-        doubt=np.full(count, 2.0),
+        robust_scale=np.full(count, 2.0),
     )
 
 
@@ -81,14 +81,14 @@ def wobbled(positions: np.ndarray, size: float = 0.003) -> np.ndarray:
     return positions + np.random.default_rng(5).normal(0, size, positions.shape)
 
 
-def none_seen() -> Sightings:
-    return Sightings(
+def none_seen() -> Correspondences:
+    return Correspondences(
         corners=np.zeros((0, 3), int),
         weights=np.zeros((0, 3)),
         side=np.zeros(0),
         pixels=np.zeros((0, 2)),
         sigma=np.zeros(0),
-        doubt=np.zeros(0),
+        robust_scale=np.zeros(0),
     )
 
 
@@ -139,8 +139,8 @@ class TestDerivatives:
         fitter, view = fitter_of(model()), camera()
         rest = fitter.model.rest
         seen = sightings_of(fitter, rest, view)
-        _, misses, _, gradient = fitter._system(view, seen, None, rest, rest, np.full(len(rest), 0.01))
-        np.testing.assert_allclose(misses, 0, atol=1e-9)
+        _, residuals, _, gradient = fitter._system(view, seen, None, rest, rest, np.full(len(rest), 0.01))
+        np.testing.assert_allclose(residuals, 0, atol=1e-9)
         np.testing.assert_allclose(gradient, 0, atol=1e-9)
 
 
@@ -254,7 +254,7 @@ class TestFit:
         rest = fitter.model.rest
         seen = sightings_of(fitter, rest, view)
         left = (rest[seen.corners, 0] < 0).all(axis=1)
-        half = Sightings(**{name: getattr(seen, name)[left] for name in seen.__dataclass_fields__})
+        half = Correspondences(**{name: getattr(seen, name)[left] for name in seen.__dataclass_fields__})
         found = fitter.fit(view, half, rest, np.full(len(rest), 0.01), 3, rest)
         assert found.sigma[rest[:, 0] > 0.04].min() > 1.5 * np.median(found.sigma[rest[:, 0] < -0.02])
 

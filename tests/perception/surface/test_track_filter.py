@@ -9,9 +9,7 @@ from egophys_core.perception.surface.track_filter import (
     FEWEST_NEIGHBOURS,
     above_ground,
     consistent_motion,
-    farthest_points,
     first_neighbours,
-    ground_below,
     inside_mask,
     mask_hits,
     stays_in_mask,
@@ -166,35 +164,6 @@ def test_controllers_are_those_seen_throughout():
     assert visible_throughout(seen).tolist() == [True, False, False, False]
     assert visible_throughout(seen, longest_gap=1).tolist() == [True, True, False, False]
     assert visible_throughout(seen, longest_gap=3).tolist() == [True, True, True, False]
-
-
-def test_farthest_points_of_a_square_are_its_corners():
-    points = sheet(1)[0]
-    chosen = points[farthest_points(points, 4)]
-    assert sorted(map(tuple, np.round(chosen[:, :2] / 0.07).astype(int))) == [(0, 0), (0, 1), (1, 0), (1, 1)]
-
-
-def test_farthest_points_repeat_and_are_increasing_and_never_unknown():
-    points = np.random.default_rng(1).normal(size=(200, 3))
-    points[::7] = np.nan
-    chosen = farthest_points(points)
-    assert len(chosen) == 30
-    assert (np.diff(chosen) > 0).all()
-    assert np.isfinite(points[chosen]).all()
-    assert (chosen == farthest_points(points.copy())).all()
-
-
-@pytest.mark.parametrize("count", [0, 1, 3, 10])
-def test_farthest_points_of_few_or_equal_points(count):
-    assert len(farthest_points(np.zeros((5, 3)), count)) == min(5, count)
-    assert len(farthest_points(np.zeros((0, 3)), count)) == 0
-
-
-def test_the_ground_is_5_mm_below_the_lowest_known_point():
-    points = np.array([[0, 0, 0.02], [0, 0, 0.05], [np.nan] * 3])
-    assert ground_below(points) == pytest.approx(0.015)
-    with pytest.raises(EpisodeError, match="give its height"):
-        ground_below(np.full((3, 3), np.nan))
 
 
 def test_points_below_the_ground_are_not_kept():

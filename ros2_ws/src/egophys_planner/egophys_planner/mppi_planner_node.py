@@ -7,10 +7,10 @@ from egophys_msgs.action import PlanToTarget
 from egophys_msgs.srv import RolloutTwin
 from egophys_ros_common.conversions import plan_message
 from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_options, read_options
+from egophys_ros_common.parameters import declare_number, declare_options, read_options
 from egophys_ros_common.qos import latched
 from egophys_ros_common.worker import CanceledError, Worker
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.client import Client
@@ -44,12 +44,7 @@ class MppiPlannerNode(ManagedNode):
         for name, (topic, description) in NAME_PARAMETERS.items():
             self.declare_parameter(name, topic, ParameterDescriptor(description=description))
         for name, (seconds, description) in TIMEOUT_PARAMETERS.items():
-            seconds_range = [FloatingPointRange(from_value=0.1, to_value=3600.0)]
-            self.declare_parameter(
-                name,
-                seconds,
-                ParameterDescriptor(description=description, floating_point_range=seconds_range),
-            )
+            declare_number(self, name, seconds, low=0.1, high=3600.0, doc=description)
         declare_options(self, PlanOptions)
         self._twin: Twin | None = None
         self._job: PlanningJob | None = None

@@ -7,7 +7,7 @@ import numpy as np
 
 from egophys_core.rehearsal import RehearsalOptions, RehearsalWorld
 from egophys_core.waypoint_plan import NANOSECONDS
-from egophys_rehearsal.frame import Frame
+from egophys_rehearsal.frame import RehearsalFrame
 from egophys_rehearsal.tool_track import ToolTrack
 
 AT_REST_S = 10.0
@@ -41,7 +41,7 @@ class ArmStage:
             options: the object and how it is seen.
             seed: of noise.
             object_seed: of the object.
-            effects: what is planted.
+            effects: what is injected.
             track: where the tool is; the caller adds to it.
             cloud: [C, 3] metres, points of the tool in its frame, their mean 0.
 
@@ -54,7 +54,7 @@ class ArmStage:
         self._period_ns = round(NANOSECONDS / options.rate_hz)
         self._shown_ns: int | None = None
 
-    def due(self, now_ns: int) -> Callable[[], Frame] | None:
+    def due(self, now_ns: int) -> Callable[[], RehearsalFrame] | None:
         """What makes the next frame."""
         newest = self._track.newest_ns
         if newest is None:
@@ -82,6 +82,6 @@ class ArmStage:
         behind = 0.0 if self._shown_ns is None else (newest - self._shown_ns) / NANOSECONDS
         return f"follows the tool, {behind:.1f} s behind"
 
-    def _step(self, stamp_ns: int, hands: np.ndarray, closed: bool) -> Frame:
+    def _step(self, stamp_ns: int, hands: np.ndarray, closed: bool) -> RehearsalFrame:
         points = self._world.step(hands, self._period_ns / NANOSECONDS, closed=closed)
-        return Frame(stamp_ns=stamp_ns, points=points, hands=hands)
+        return RehearsalFrame(stamp_ns=stamp_ns, points=points, hands=hands)

@@ -8,7 +8,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class RehearsalFrame:
     """One look at object and hands. Frame `world`."""
 
     stamp_ns: int
@@ -22,7 +22,7 @@ class Frame:
 class Stage(Protocol):
     """Where the object lies and is handled."""
 
-    def due(self, now_ns: int) -> Callable[[], Frame] | None:
+    def due(self, now_ns: int) -> Callable[[], RehearsalFrame] | None:
         """What makes the next frame, to be called on a worker thread; None while none is due.
 
         It must have returned before the next call.

@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 from egophys_ros_common.conversions import points_message, time_message
 from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_options, read_options
+from egophys_ros_common.parameters import declare_number, declare_options, read_options
 from egophys_ros_common.qos import latched
 from egophys_ros_common.worker import CanceledError, Worker
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
@@ -26,15 +26,15 @@ from egophys_core.rehearsal.engine import load_mujoco
 from egophys_core.rehearsal.hands import hand_cloud
 from egophys_core.rehearsal.observation import CONFIDENCE
 from egophys_rehearsal.arm_stage import ArmStage
-from egophys_rehearsal.frame import Frame, Stage
-from egophys_rehearsal.planting import planted_effects
+from egophys_rehearsal.frame import RehearsalFrame, Stage
+from egophys_rehearsal.injection import injected_effects
 from egophys_rehearsal.script_stage import ScriptStage
 from egophys_rehearsal.tool_track import ToolTrack
 
 ARM = "arm"
 TEXT_PARAMETERS = {
     "hands": (ARM, f"who handles the object: {ARM}, or scripted hands: {', '.join(Motion)}"),
-    "effects": ("none", "names of the effects to plant, separated by spaces; none for none"),
+    "effects": ("none", "names of the effects to inject, separated by spaces; none for none"),
     "effect_size": ("large", "size of the effects: small or large"),
     "effect_parameters": ("", 'parameters in place of the size\'s, JSON: {"control_delay": {"delay": 0.1}}; SI units'),
     "tool_pose_topic": ("/bridge_node/tool_pose", "topic of the measured tool pose (geometry_msgs/PoseStamped)"),
@@ -57,16 +57,9 @@ class RehearsalNode(ManagedNode):
         for name, (default, description) in TEXT_PARAMETERS.items():
             self.declare_parameter(name, default, ParameterDescriptor(description=description))
         for name, description in SEED_PARAMETERS.items():
-            seeds = [IntegerRange(from_value=0, to_value=2**31 - 1, step=1)]
-            self.declare_parameter(name, 0, ParameterDescriptor(description=description, integer_range=seeds))
-        self.declare_parameter(
-            "closed_below_m",
-            0.02,
-            ParameterDescriptor(
-                description="opening below which the gripper holds what is in reach, m",
-                floating_point_range=[FloatingPointRange(from_value=0.0, to_value=0.2)],
-            ),
-        )
+            declare_number(self, name, 0, low=0, high=2**31 - 1, doc=description)
+        doc = "opening below which the gripper holds what is near it, m"
+        declare_number(self, "closed_below_m", 0.02, low=0.0, high=0.2, doc=doc)
         declare_options(self, RehearsalOptions)
         self._worker: Worker
         self._track: ToolTrack
@@ -118,7 +111,7 @@ class RehearsalNode(ManagedNode):
         hands = self.get_parameter("hands").value
         if hands not in (ARM, *Motion):
             raise OptionsError(f"hands must be one of {ARM}, {', '.join(Motion)}, got {hands!r}")
-        effects = planted_effects(
+        effects = injected_effects(
             self.get_parameter("effects").value,
             size=self.get_parameter("effect_size").value,
             parameters_json=self.get_parameter("effect_parameters").value,
@@ -171,7 +164,7 @@ class RehearsalNode(ManagedNode):
         finally:
             self._is_busy = False
 
-    def _publish(self, frame: Frame) -> None:
+    def _publish(self, frame: RehearsalFrame) -> None:
         stamp = time_message(frame.stamp_ns)
         seen = np.isfinite(frame.points).all(axis=1)
         confidence = np.full(np.count_nonzero(seen), CONFIDENCE, np.float32)

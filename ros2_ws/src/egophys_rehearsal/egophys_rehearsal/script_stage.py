@@ -7,7 +7,7 @@ import numpy as np
 
 from egophys_core.rehearsal import Motion, RehearsalOptions, rehearse
 from egophys_core.waypoint_plan import NANOSECONDS
-from egophys_rehearsal.frame import Frame
+from egophys_rehearsal.frame import RehearsalFrame
 
 
 class ScriptStage:
@@ -33,7 +33,7 @@ class ScriptStage:
         self._begin_ns: int | None = None
         self._shown = 0
 
-    def due(self, now_ns: int) -> Callable[[], Frame] | None:
+    def due(self, now_ns: int) -> Callable[[], RehearsalFrame] | None:
         """What makes the next frame."""
         if self._begin_ns is None:
             self._begin_ns = now_ns
@@ -50,5 +50,5 @@ class ScriptStage:
         shown = f"{self._shown} of {self._episode.frames} frames shown"
         return f"{shown}; call ~/reset to begin anew" if self._shown == self._episode.frames else shown
 
-    def _frame(self, index: int, stamp_ns: int) -> Frame:
-        return Frame(stamp_ns=stamp_ns, points=self._points[index], hands=self._episode.controllers[index])
+    def _frame(self, index: int, stamp_ns: int) -> RehearsalFrame:
+        return RehearsalFrame(stamp_ns=stamp_ns, points=self._points[index], hands=self._episode.controllers[index])

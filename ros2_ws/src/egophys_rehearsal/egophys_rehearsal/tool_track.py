@@ -5,6 +5,9 @@ from bisect import bisect_left, bisect_right
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from egophys_core.interpolation import PosesOverTime
+from egophys_core.waypoint_plan import NANOSECONDS
+
 STILL_M = 1e-3
 """A tool that stays within this has not moved."""
 
@@ -52,14 +55,11 @@ class ToolTrack:
     def points_at(self, stamp_ns: int, cloud: np.ndarray) -> np.ndarray:
         """[C, 3] metres, world: points [C, 3] in the tool frame at a time; before the first pose as at it."""
         after = bisect_left(self._stamps, stamp_ns)
-        if after in (0, len(self._stamps)):
-            nearest = min(after, len(self._stamps) - 1)
-            return self._rotations[nearest].apply(cloud) + self._positions[nearest]
-        first, second = self._stamps[after - 1 : after + 1]
-        share = (stamp_ns - first) / (second - first)
-        position = (1 - share) * self._positions[after - 1] + share * self._positions[after]
-        # Poses are measured every 20 ms; between two the nearer rotation will do.
-        return self._rotations[after if share > 0.5 else after - 1].apply(cloud) + position
+        around = slice(max(after - 1, 0), after + 1)
+        seconds = np.array([stamp - stamp_ns for stamp in self._stamps[around]]) / NANOSECONDS
+        rotations = Rotation.concatenate(self._rotations[around])
+        position, rotation = PosesOverTime(seconds, np.array(self._positions[around]), rotations).at(0.0)
+        return np.asarray(rotation.apply(cloud) + position)
 
     def is_closed(self, stamp_ns: int) -> bool:
         """Whether the gripper was told to close."""

@@ -17,7 +17,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 CHOICES = {
     "object": ("sheet", "what lies on the table: sheet, ellipsoid or box"),
     "hands": ("arm", "who handles it: arm, or a scripted motion, for example lift"),
-    "effects": ("none", "names of the effects to plant, separated by spaces"),
+    "effects": ("none", "names of the effects to inject, separated by spaces"),
     "effect_size": ("large", "size of the effects: small or large"),
 }
 

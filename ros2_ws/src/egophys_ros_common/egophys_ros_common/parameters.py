@@ -16,6 +16,13 @@ from egophys_core.options import from_mapping
 T = TypeVar("T")
 
 
+def declare_number(node: Node, name: str, default: float, *, low: float, high: float, doc: str) -> None:
+    """Declare a parameter that is a number in a range; a whole one if its default is an int."""
+    descriptor = ParameterDescriptor(description=doc)
+    _limit(descriptor, default, low, high)
+    node.declare_parameter(name, default, descriptor)
+
+
 def declare_options(node: Node, cls: type[Any], prefix: str = "") -> None:
     """Declare each field of the options class `cls` as a parameter; setting one the class refuses fails.
 
@@ -109,9 +116,12 @@ def _descriptor(field: dataclasses.Field[Any]) -> ParameterDescriptor:
     if isinstance(field.default, Enum):
         descriptor.additional_constraints = f"one of: {', '.join(type(field.default))}"
     elif "low" in field.metadata:
-        low, high = field.metadata["low"], field.metadata["high"]
-        if isinstance(field.default, int):
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
-        else:
-            descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+        _limit(descriptor, field.default, field.metadata["low"], field.metadata["high"])
     return descriptor
+
+
+def _limit(descriptor: ParameterDescriptor, default: Any, low: float, high: float) -> None:
+    if isinstance(default, int):
+        descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    else:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]

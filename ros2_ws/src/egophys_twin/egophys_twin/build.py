@@ -6,9 +6,9 @@ from pathlib import Path
 
 from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, LoadedEpisode, is_video, load_episodes
 from egophys_core.files import require_writable
-from egophys_core.identification import FitOptions, Progress, build_twin
+from egophys_core.identification import FitOptions, Progress, build
 from egophys_core.twin import Twin, save_twin
-from egophys_twin.recordings import require_recordings
+from egophys_twin.recordings import loads_by_name, require_loads, require_recordings
 
 NOT_KNOWN = float("nan")
 """Loss of a stage that has none."""
@@ -24,15 +24,19 @@ class BuildRequest:
     seed: int
     source: EpisodeSource
     """How the recordings become episodes."""
+    loads: tuple[float, ...] = ()
+    """N that hang at the free end of an object seen at markers, one a recording; empty for none."""
 
     def check(self) -> None:
         """Look whether the build can start at all.
 
         Raises:
             RecordingError: no recording given, or one does not exist.
+            OptionsError: not one load a recording, or one that is none.
             OutputError: the twin cannot be written where it is asked for.
         """
         require_recordings(self.episode_paths)
+        require_loads(self.loads, self.episode_paths)
         require_writable(self.output_path)
 
 
@@ -70,9 +74,11 @@ def run_build(
         progress=lambda stage, share: progress(stage, perceiving * share, NOT_KNOWN),
     )
     on_episodes(loaded)
-    twin = build_twin(
-        [each.episode for each in loaded],
+    episodes = [each.episode for each in loaded]
+    twin = build(
+        episodes,
         request.options,
+        loads=loads_by_name(request.loads, episodes),
         seed=request.seed,
         progress=lambda stage, share, loss: progress(stage, perceiving + (1 - perceiving) * share, loss),
     )

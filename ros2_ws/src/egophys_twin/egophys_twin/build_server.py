@@ -41,6 +41,7 @@ class BuildServer(JobServer[BuildRequest, BuiltTwin]):
             options=fit,
             seed=message.seed,
             source=episode_source(self._node, *source),
+            loads=tuple(message.loads_n),
         )
 
     def work(self, job_id: UUID, request: BuildRequest, progress: OnProgress) -> BuiltTwin:

@@ -9,7 +9,7 @@ from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.saving import require_new_folder, save_finding
 from egophys_core.episode_source import EpisodeSource
 from egophys_core.twin import Twin
-from egophys_twin.recordings import observed_episodes, require_recordings
+from egophys_twin.recordings import loads_by_name, observed_episodes, require_loads, require_recordings
 
 READING_SHARE = 0.05
 """Part of the progress that reading takes."""
@@ -30,15 +30,19 @@ class DiagnosisRequest:
     """How recordings become episodes."""
     executed_topic: str
     """Topic that says of executed plans."""
+    loads: tuple[float, ...] = ()
+    """N that hang at the free end of an object seen at markers, one a recording; empty for none."""
 
     def check(self) -> None:
         """Look whether the diagnosis can start at all.
 
         Raises:
             RecordingError: no recording given, or one does not exist.
+            OptionsError: not one load a recording, or one that is none.
             OutputError: the folder has something in it, or cannot be made.
         """
         require_recordings(self.episode_paths)
+        require_loads(self.loads, self.episode_paths)
         require_new_folder(self.output_folder)
 
 
@@ -87,6 +91,7 @@ def run_diagnosis(request: DiagnosisRequest, *, progress: Callable[[str, float],
         request.twin,
         episodes,
         request.options,
+        loads=loads_by_name(request.loads, episodes),
         without=request.without,
         seed=request.seed,
         progress=lambda stage, share: progress(stage, READING_SHARE + (1 - READING_SHARE) * share),

@@ -47,6 +47,7 @@ class DiagnosisServer(JobServer[DiagnosisRequest, Diagnosed]):
             without=tuple(message.without),
             seed=message.seed,
             source=episode_source(self._node, *source),
+            loads=tuple(message.loads_n),
             executed_topic=self._node.get_parameter("executed_topic").value,
         )
 

@@ -21,6 +21,7 @@ from std_srvs.srv import Trigger
 from egophys_core.errors import EgophysError, OptionsError
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC
+from egophys_core.perception.live import require_live
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC
@@ -70,7 +71,8 @@ class ObserverNode(ManagedNode):
 
     def configure(self) -> None:
         """Check the parameters and create topics and the service."""
-        read_option_groups(self, OPTION_GROUPS)
+        perception, _ = read_option_groups(self, OPTION_GROUPS)
+        require_live(perception)
         self._transport = _transport(self.get_parameter("image_transport").value)
         self._worker = self.own(Worker("observe", self.hand_over), Worker.close)
         self._topics = ObserverTopics(

@@ -5,8 +5,9 @@ from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from egophys_ros_common.managed_node import ManagedNode, run_node
+from egophys_ros_common.parameters import declare_number
 from egophys_ros_common.qos import latched
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor
 
 from egophys_core.errors import RecordingError
 from egophys_twin.topic_recording import TopicRecording
@@ -30,14 +31,8 @@ class RecorderNode(ManagedNode):
             "",
             ParameterDescriptor(description="rosbag2 folder to write; must not exist when the node activates"),
         )
-        self.declare_parameter(
-            "flush_interval_s",
-            1.0,
-            ParameterDescriptor(
-                description="age, s, at which messages are on disk; a killed recorder loses younger ones",
-                floating_point_range=[FloatingPointRange(from_value=0.05, to_value=60.0)],
-            ),
-        )
+        doc = "age, s, at which messages are on disk; a killed recorder loses younger ones"
+        declare_number(self, "flush_interval_s", 1.0, low=0.05, high=60.0, doc=doc)
         self._topics: list[str] = []
         self._recording: TopicRecording | None = None
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from egophys_core.episode import Episode
 from egophys_core.episode_source import EpisodeSource, load_episodes
-from egophys_core.errors import RecordingError
+from egophys_core.errors import OptionsError, RecordingError
 from egophys_twin.executions import execution_episodes, has_executions
 
 
@@ -23,6 +23,35 @@ def require_recordings(paths: Sequence[Path]) -> None:
     for path in paths:
         if not path.exists():
             raise RecordingError(f"{path}: no such recording on the machine of the twin node")
+
+
+def require_loads(loads: Sequence[float], paths: Sequence[Path]) -> None:
+    """Check that loads, if there are any, are one for each recording.
+
+    Raises:
+        OptionsError: they are not, or one is no weight.
+    """
+    if loads and len(loads) != len(paths):
+        raise OptionsError(
+            f"{len(loads)} load(s) for {len(paths)} recording(s); give one in newtons for each, 0 where nothing hangs"
+        )
+    for path, newtons in zip(paths, loads, strict=False):
+        if not 0.0 <= newtons < np.inf:
+            raise OptionsError(f"the load of {path} must be newtons, not negative, got {newtons}")
+
+
+def loads_by_name(loads: Sequence[float], episodes: Sequence[Episode]) -> dict[str, float]:
+    """N that hang in each episode, by its name; none where none are given.
+
+    Raises:
+        OptionsError: a log of several executed plans stands for more episodes than recordings.
+    """
+    if loads and len(loads) != len(episodes):
+        raise OptionsError(
+            f"{len(loads)} load(s) for {len(episodes)} episodes: a log of executed plans has one for each of them, and "
+            "no markers; leave loads out"
+        )
+    return {each.name: newtons for each, newtons in zip(episodes, loads, strict=False) if newtons}
 
 
 def observed_episodes(

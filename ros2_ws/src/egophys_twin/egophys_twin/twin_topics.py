@@ -21,10 +21,12 @@ from unique_identifier_msgs.msg import UUID
 
 from egophys_core.episode import Episode
 from egophys_core.episode_source import EpisodeSource, LoadedEpisode
+from egophys_core.kinds import kind_of
 from egophys_core.options import to_mapping
 from egophys_core.twin import Twin, encode_twin
 from egophys_core.waypoint_plan import NANOSECONDS
 from egophys_twin.build import BuildRequest
+from egophys_twin.recordings import loads_by_name
 
 SCORES = ("train_chamfer_m", "train_track_m", "test_chamfer_m", "test_track_m")
 
@@ -64,6 +66,7 @@ class TwinTopics:
             "job_id": bytes(job_id.uuid).hex(),
             "seed": request.seed,
             "options": to_mapping(request.options),
+            "loads": loads_by_name(request.loads, episodes),
             "parent_id": "",
             "episodes": [_described(each, request.source) for each in loaded],
         }
@@ -127,7 +130,7 @@ def info_message(twin: Twin, path: Path, built: Time) -> TwinInfo:
         twin_id=twin.twin_id,
         parent_id=provenance.parent_id,
         path=str(path.absolute()),
-        object_kind=str(twin.model.kind),
+        object_kind=kind_of(twin.model).name,
         node_count=len(graph.positions),
         spring_count=len(graph.springs),
         episodes=[episode["name"] for episode in provenance.episodes],

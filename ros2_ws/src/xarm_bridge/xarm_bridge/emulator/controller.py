@@ -279,17 +279,19 @@ class Controller:
         """Towards the newest target as fast as servo mode goes."""
         target = self._servo_target
         if isinstance(target, Pose):
-            way = target.position - self.flange.position
+            displacement = target.position - self.flange.position
             turn = (self.flange.rotation.inv() * target.rotation).as_rotvec()
-            needed = max(float(np.linalg.norm(way)) / SERVO_SPEED, float(np.linalg.norm(turn)) / SERVO_ANGULAR_SPEED)
+            needed = max(
+                float(np.linalg.norm(displacement)) / SERVO_SPEED, float(np.linalg.norm(turn)) / SERVO_ANGULAR_SPEED
+            )
             share = min(1.0, elapsed / needed) if needed > 0 else 1.0
             rotation = self.flange.rotation * Rotation.from_rotvec(share * turn)
-            self._place_flange(Pose(self.flange.position + share * way, rotation))
+            self._place_flange(Pose(self.flange.position + share * displacement, rotation))
         elif target is not None:
-            way = target - self.joints
-            needed = float(np.abs(way).max()) / SERVO_ANGULAR_SPEED
+            displacement = target - self.joints
+            needed = float(np.abs(displacement).max()) / SERVO_ANGULAR_SPEED
             share = min(1.0, elapsed / needed) if needed > 0 else 1.0
-            self._place_joints(self.joints + share * way)
+            self._place_joints(self.joints + share * displacement)
         else:
             return
         if share == 1.0:

@@ -44,9 +44,9 @@ class Gripper:
         """Move on to a time in seconds; earlier times change nothing."""
         elapsed = max(now - self._now, 0.0)
         self._now = max(now, self._now)
-        reach = self._registers[SPEED] * PULSES_PER_SPEED_UNIT * elapsed
-        way = self._target - self.position
-        self.position += max(-reach, min(reach, way))
+        most = self._registers[SPEED] * PULSES_PER_SPEED_UNIT * elapsed
+        displacement = self._target - self.position
+        self.position += max(-most, min(most, displacement))
         self._registers[STATUS] = int(self.position != self._target)
 
     def answer(self, frame: bytes) -> bytes:

@@ -1,0 +1,204 @@
+"""Results of benchmarks as Markdown tables: pure functions of what `benchmarks/results` holds."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from benchmarks.revisions import described, newest_first
+
+Row = Sequence[str]
+
+
+def table(header: Row, rows: Iterable[Row]) -> str:
+    """A Markdown table."""
+    lines = [header, ["---"] * len(header), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def by_revision(header: Row, rows: Sequence[tuple[str, Sequence[Row]]], dates: Mapping[str, str]) -> str:
+    """One table of the rows of the newest revision, and one of those of older ones, which says theirs.
+
+    Args:
+        header: names of the columns.
+        rows: of each thing measured the revision, and its lines.
+        dates: of commits, by hash.
+    """
+    order = newest_first((revision for revision, _ in rows), dates)
+    newest = [line for revision, lines in rows if revision == order[0] for line in lines]
+    parts = [f"Measured at {described(order[0], dates)}:", table(header, newest)]
+    older = [
+        [*line, described(revision, dates) if index == 0 else ""]
+        for wanted in order[1:]
+        for revision, lines in rows
+        if revision == wanted
+        for index, line in enumerate(lines)
+    ]
+    if older:
+        parts += ["Measured at older revisions, which may behave otherwise:", table([*header, "revision"], older)]
+    return "\n\n".join(parts)
+
+
+def perception_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Errors of each video."""
+    columns = (
+        ("mean mm", "mean_mm", 1),
+        ("p95 mm", "p95_mm", 1),
+        ("coverage", "coverage", 2),
+        ("ids stable", "id_stability", 3),
+        ("pose mm", "pose_mm", 2),
+        ("pose deg", "pose_deg", 3),
+        ("mask J", "mask_j", 3),
+        ("mask F", "mask_f", 3),
+        ("delta_avg", "track_delta_avg", 3),
+        ("AJ", "track_aj", 3),
+        ("OA", "track_oa", 3),
+        ("views", "views", 0),
+        ("s", "seconds", 0),
+    )
+    rows = [
+        [row["video"], *("-" if row[key] is None else f"{row[key]:.{digits}f}" for _, key, digits in columns)]
+        for row in result["rows"]
+    ]
+    return table(["video", *(name for name, _, _ in columns)], rows)
+
+
+def cost_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Time of a diagnosis over points, episodes and candidates."""
+    rows = [
+        [
+            *(str(row[key]) for key in ("points", "episodes", "candidates")),
+            f"{row['elapsed_s']:.0f} s",
+            f"{row['cpu_s']:.0f} s",
+            f"{row['cpu_per_yardstick']:.1f}",
+        ]
+        for row in result["rows"]
+    ]
+    return table(["points", "episodes", "candidates", "elapsed", "CPU time", "over the yardstick's"], rows)
+
+
+def diagnoses_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """What was said of each recorded case, and errors on the episodes that were not fitted."""
+    keys = ("track_before_m", "track_after_m", "chamfer_before_m", "chamfer_after_m")
+    rows = []
+    for name, case in result["cases"].items():
+        held = [error for error in case["error"] if not error["fitted"]]
+        means = [f"{1000 * sum(error[key] for error in held) / len(held):.1f}" for key in keys]
+        effects = ", ".join(effect["name"] for effect in case["effects"]) or "-"
+        rows.append((case["commit"], [[name, case["outcome"], effects, *means, f"{case['seconds']:.0f}"]]))
+    header = ["case", "outcome", "effects", "track before", "track after", "Chamfer before", "Chamfer after", "s"]
+    return by_revision(header, rows, dates)
+
+
+def beam_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Errors of each record, and the diagnosis."""
+    rows = []
+    for name, errors in result["rmse_m"].items():
+        swing = result["swing_rmse_m"][name]
+        millimetres = [f"{1e3 * errors[key]:.2f} ({1e3 * swing[key]:.2f})" for key in errors]
+        fitted = "fitted" if name in result["fitted"] else "held out"
+        rows.append([name, f"{result['loads_n'][name]:g}", fitted, *millimetres])
+    header = [
+        "record",
+        "load (N)",
+        "",
+        "springs and gravity alone",
+        "as built",
+        "refitted, no effect",
+        "with the effect",
+    ]
+    said = f"The diagnosis: {result['outcome']} ({named(result['effects']) or 'no name'}); {result['reason']}."
+    return f"{table(header, rows)}\n\n{said}"
+
+
+def cable_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Errors of each cable in three motions of the hands, and its diagnosis."""
+    rows = []
+    for name, row in result["cables"].items():
+        outcome = f"{row['outcome']}: {named(row['effects'])}" if row["effects"] else row["outcome"]
+        injected = ", ".join([name, *(f"{number} {value:g}" for number, value in row["injected"].items())])
+        seconds = f"{row['build_seconds'] + row['diagnose_seconds']:.0f}"
+        lines = []
+        for index, (motion, errors) in enumerate(row["rmse_m"].items()):
+            first = [injected, outcome] if index == 0 else ["", ""]
+            fitted = "held out" if motion == result["held_out"] else "fitted"
+            millimetres = [f"{1e3 * each:.1f}" for each in errors.values()]
+            lines.append([*first, motion.replace("_", " "), fitted, *millimetres, seconds if index == 0 else ""])
+        rows.append((row["commit"], lines))
+    header = ["injected", "the diagnosis", "motion", "", "as built", "refitted, no effect", "with the effect", "s"]
+    return by_revision(header, rows, dates)
+
+
+def named(effects: list[dict[str, Any]]) -> str:
+    """The effects with their parameters and intervals."""
+    return ", ".join(
+        f"{effect['name']}: "
+        + ", ".join(
+            f"{name} {number['value']:.3g} ({number['ci95'][0]:.3g} to {number['ci95'][1]:.3g})"
+            + ("" if number["unit"] == "1" else f" {number['unit']}")
+            for name, number in effect["parameters"].items()
+        )
+        for effect in effects
+    )
+
+
+def simulation_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Spring updates a second, and what a second of a sheet costs at equal accuracy."""
+    rows = [
+        [name, f"{result[rate] / 1e6:.0f}", f"{ratio:.1f}"]
+        for name, rate, ratio in (
+            ("yardstick: one rollout, a spring per thread, atomic adds", "yardstick_updates_per_s", 1.0),
+            ("16 rollouts, per core (CPU time)", "batched_updates_per_s_core", result["ratio_core_median"]),
+            (
+                "16 rollouts, two cores (elapsed time)",
+                "batched_updates_per_s_machine",
+                result["ratio_machine_median"],
+            ),
+        )
+    ]
+    cost = (
+        f"A second of that sheet, hanging, within {1000 * result['equal_accuracy_error_m']:.2f} mm of the reference "
+        f"with 667 substeps a frame, takes {result['equal_accuracy_substeps']} substeps a frame and "
+        f"1/{1 / result['equal_accuracy_cost_ratio']:.0f} of the yardstick's CPU time. {result['cma_generations']} "
+        f"generations of CMA-ES on the shipped episode ({result['cma_nodes']} nodes) take "
+        f"{result['cma_minutes']:.1f} minutes."
+    )
+    header = ["2,000 nodes, 20,000 springs", "million spring updates/s", "ratio"]
+    return f"{table(header, rows)}\n\n{cost}"
+
+
+def accuracy_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Means over the episodes that a model was measured on, and what it changes of the coarse fit's there."""
+    keys = ("train_cd_m", "test_cd_m", "train_te_m", "test_te_m")
+    lines = []
+    for kind in sorted({row["kind"] for row in result["accuracy"]}):
+        of_kind = [row for row in result["accuracy"] if row["kind"] == kind]
+        coarse = {row["episode"]: row["test_te_m"] for row in of_kind if row["model"] == "coarse"}
+        for model in dict.fromkeys(row["model"] for row in of_kind):
+            of_model = [row for row in of_kind if row["model"] == model]
+            means = [_mean([row[key] for row in of_model]) for key in keys]
+            cells = ["-" if mean is None else f"{1000 * mean:.1f}" for mean in means]
+            changes = [row["test_te_m"] - coarse[row["episode"]] for row in of_model]
+            changed = [f"{1000 * sum(changes) / len(changes):+.1f}", str(sum(change > 0 for change in changes))]
+            minutes = f"{_mean([row['minutes'] for row in of_model]):.1f}"
+            compared = ["", ""] if model == "coarse" else changed
+            lines.append([kind, model, str(len(of_model)), *cells, *compared, minutes])
+    header = ["kind", "model", "episodes", "train CD", "test CD", "train TE", "test TE", "test TE - coarse", "worse in"]
+    return table([*header, "minutes"], lines)
+
+
+def _mean(values: list[float | None]) -> float | None:
+    numbers = [value for value in values if value is not None]
+    return sum(numbers) / len(numbers) if numbers else None
+
+
+def towel_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Errors of the fit over seeds, and of the baselines."""
+    keys = ("train_chamfer_m", "test_chamfer_m", "train_track_m", "test_track_m")
+
+    def row(name: str, scores: dict[str, Any]) -> list[str]:
+        return [name, *("-" if scores[key] is None else f"{1000 * scores[key]:.1f}" for key in keys)]
+
+    rows = [
+        *(row(f"twin, seed {fit['seed']}", fit) for fit in result["fits"]),
+        *(row(name, scores) for name, scores in result["baselines"].items()),
+    ]
+    return table([f"{result['generations']} generations (mm)", "train CD", "test CD", "train TE", "test TE"], rows)

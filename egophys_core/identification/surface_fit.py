@@ -1,0 +1,79 @@
+"""From episodes that show an object's surface to its model: the coarse search, then the dense refinement."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from egophys_core.errors import OptionsError
+from egophys_core.identification.coarse import fit_coarse
+from egophys_core.identification.dense import fit_dense
+from egophys_core.identification.fit import Fit, Progress
+from egophys_core.identification.options import FitOptions
+from egophys_core.kinds.rest_shape import rest_shape
+from egophys_core.observation import FitProblem, ObservedEpisode, prepare
+from egophys_core.simulation import ContactKind
+
+SEARCH_SHARE, DENSE_SHARE = 0.6, 0.35
+"""Parts of the progress bar that the search and the dense refinement take; without the latter the search has both."""
+
+
+def fit_surface(
+    observed: Sequence[ObservedEpisode],
+    options: FitOptions,
+    *,
+    seed: int,
+    progress: Progress,
+    checkpoint: Path | None,
+) -> Fit:
+    """Fit a model to the train frames of episodes; its nodes come from the first, the others are registered.
+
+    Raises:
+        EpisodeError: an episode cannot be fitted (no contact, too few points or frames).
+        OptionsError: a template is given, or a kind that is not modelled from its surface.
+        TwinError: no candidate survived, or the checkpoint is of another build.
+        OutputError: the checkpoint cannot be written.
+    """
+    first = observed[0]
+    if options.template:
+        raise OptionsError(
+            f"template {options.template} is given, and {first.episode.name} shows {first.episode.points.shape[1]} "
+            "points of a surface; templates are for records of a few markers: leave it out, or track fewer points"
+        )
+    shape = rest_shape(
+        first.at_rest,
+        name=first.episode.name,
+        ground=first.episode.ground_height,
+        max_nodes=options.max_nodes,
+        kind=options.named_kind,
+    )
+    problems = [prepare(each, shape.positions, shape.surface, spacing=shape.spacing) for each in observed]
+    search_share = SEARCH_SHARE if options.dense_steps else SEARCH_SHARE + DENSE_SHARE
+    coarse = fit_coarse(
+        problems,
+        shape,
+        options,
+        seed=seed,
+        progress=lambda share, loss: progress("search", search_share * share, loss),
+        checkpoint=checkpoint,
+    )
+    model = fit_dense(
+        problems,
+        coarse.model,
+        options,
+        progress=lambda share, loss: progress("refine", SEARCH_SHARE + DENSE_SHARE * share, loss),
+    )
+    return Fit(
+        model=model,
+        grasp=first_grasp(problems[0]),
+        problem=problems[0],
+        loss=coarse.loss,
+        settings=options.settings(at_markers=False),
+    )
+
+
+def first_grasp(problem: FitProblem) -> np.ndarray:
+    """[C, 3] float32 metres, world: a hand's points as it first takes hold, or presses if none ever holds."""
+    contacts = [(contact, hand) for hand in problem.hands for contact in hand.contacts]
+    contact, hand = min(contacts, key=lambda pair: (pair[0].kind != ContactKind.HOLD, pair[0].first))
+    return problem.episode.controllers[contact.first, hand.controllers].astype(np.float32)

@@ -1,0 +1,80 @@
+"""Solids: plush toys. They are filled inside and have drag instead of bending springs and a limit of strain."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from egophys_core.kinds.kind import FittedParameter, FromSurface, Kind, RestShape, Searched, equal_masses
+from egophys_core.kinds.kind import height_of_foot as resting_height
+from egophys_core.kinds.spring_body import (
+    VariantSizes,
+    fitted,
+    fitted_of_springs,
+    searched_of_springs,
+    spring_model,
+    spring_variants,
+)
+from egophys_core.kinds.surface_faces import faces_of_body
+from egophys_core.kinds.unseen_side import inside_of
+from egophys_core.twin import GRAVITY, ObjectModel
+from egophys_core.twin.statics import without_sag
+
+NAME = "solid"
+
+MOST_DAMPING = 30.0
+"""Dashpot over node mass, 1/s."""
+
+SEARCHED = (
+    *searched_of_springs(most_damping=MOST_DAMPING),
+    Searched(name="drag", low=0.01, high=20.0, start=0.3, logarithmic=True),
+)
+
+SIZES = VariantSizes(
+    object_radii=(2.0, 2.5, 3.0),
+    stiffness_rate=2e5,
+    damping_rate=3.0,
+    bending_ratios=(0.03,),
+    compression_ratio=1.0,
+    collides=False,
+    bends=False,
+)
+
+
+def anything(points: np.ndarray) -> bool:
+    """What is seen and is nothing else is a solid."""
+    return True
+
+
+def model_of(shape: RestShape, value: Mapping[str, float], ground_height: float) -> ObjectModel:
+    """The model at searched values."""
+    own = {"drag": value["drag"], "strain_limit": 1e6, "ground_projection": 0.0}
+    return spring_model(shape, value, own, bends=False, rests_at=resting_height(shape.positions) - ground_height)
+
+
+def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:
+    """Its springs, its drag, and how much it weighs.
+
+    A grip that is soft enough to turn in is too soft to carry: all toys sag too much in their twins. What a toy weighs,
+    how stiff it is and how firmly it is held are one thing there: its sag is evidence for nothing.
+    """
+    return (
+        *fitted_of_springs(model, most_damping=MOST_DAMPING),
+        fitted("drag", 0.0, 20.0, 0.2, unit="1/s"),
+        fitted("gravity", 0.5 * GRAVITY, 1.2 * GRAVITY, 0.5, unit="m/s^2"),
+    )
+
+
+def carrying_itself(model: ObjectModel) -> ObjectModel:
+    """The solid with springs that carry its weight where it lies."""
+    return without_sag(model, equal_masses(model.graph, model.parameters.total_mass))
+
+
+KIND = Kind(
+    name=NAME,
+    from_surface=FromSurface(recognises=anything, searched=SEARCHED, model=model_of, inside=inside_of),
+    sag_is_evidence=False,
+    fitted=fitted_parameters,
+    otherwise_at_rest=lambda model: [carrying_itself(model)],
+    variants=lambda model: [carrying_itself(each) for each in spring_variants(model, SIZES)],
+    faces=lambda graph: faces_of_body(graph.positions),
+)

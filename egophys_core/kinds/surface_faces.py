@@ -1,0 +1,55 @@
+"""Triangles between the nodes of an object, to draw its surface."""
+
+import numpy as np
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+LONGEST_EDGE = 2.5
+"""Times the spacing of the nodes: longer edges bridge gaps."""
+
+OFF_GRID = 1e-3
+"""Times the spacing by which nodes are moved, to say which are neighbours."""
+
+FEWEST = 4
+"""Nodes of a body."""
+
+CORNERS = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))
+"""Of a tetrahedron of positive volume the faces across from its nodes, seen from outside against the clock."""
+
+
+def faces_of_sheet(positions: np.ndarray) -> np.ndarray:
+    """[F, 3] int32: a Delaunay triangulation of nodes [N, 3] in the plane that they lie nearest to."""
+    centred = positions.astype(np.float64) - positions.mean(axis=0)
+    across = np.linalg.svd(centred, full_matrices=False)[2]
+    try:
+        triangles = Delaunay(centred @ across[:2].T).simplices
+    except (QhullError, ValueError):
+        return np.zeros((0, 3), np.int32)
+    return np.asarray(triangles[_near(positions, triangles)], np.int32)
+
+
+def faces_of_body(positions: np.ndarray) -> np.ndarray:
+    """[F, 3] int32: the boundary of the tetrahedra between near nodes [N, 3], seen from outside against the clock."""
+    if len(positions) < FEWEST:
+        return np.zeros((0, 3), np.int32)
+    # On a grid many tetrahedra have no volume, and no side that is outside.
+    shaken = positions + OFF_GRID * _spacing(positions) * np.random.default_rng(0).uniform(-1.0, 1.0, positions.shape)
+    solids = Delaunay(shaken).simplices
+    solids = solids[_near(positions, solids)]
+    edges = shaken[solids[:, 1:]] - shaken[solids[:, :1]]
+    left = np.linalg.det(edges) < 0.0
+    solids[left] = solids[left][:, [0, 2, 1, 3]]
+    faces = np.concatenate([solids[:, corners] for corners in CORNERS])
+    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
+    return np.asarray(faces[np.sort(first[count == 1])], np.int32)
+
+
+def _near(positions: np.ndarray, simplices: np.ndarray) -> np.ndarray:
+    """[S] bool: simplices [S, D] that have no long edge."""
+    corners = positions[simplices]
+    longest = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=3).max(axis=(1, 2))
+    return np.asarray(longest <= LONGEST_EDGE * _spacing(positions))
+
+
+def _spacing(positions: np.ndarray) -> float:
+    """Metres: median distance of nodes [N, 3] to their fourth-nearest others."""
+    return float(np.median(cKDTree(positions).query(positions, k=min(5, len(positions)))[0][:, -1]))

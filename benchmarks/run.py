@@ -9,13 +9,14 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks import beam, blind, cable, cost, injected, perception, physics, towel
+from benchmarks import beam, blind, cable, cost, effects, injected, perception, physics, towel
 from benchmarks.provenance import commit, machine
 from benchmarks.report import RESULTS, renew
 from egophys_core.files import write_json
 
 BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "physics": physics.run,
+    "effects": effects.run,
     "towel": towel.run,
     "perception": perception.run,
     "injected": injected.run,

@@ -127,8 +127,6 @@ class Effect:
     ) = None
     """For an effect whose load is a sum: its pieces, and how much of each [S, K] is in each of S starts. The pieces
     are simulated in place of the starts, of which there may then be many."""
-    without_derivative: tuple[str, ...] = ()
-    """Parameters by which what happens changes in jumps alone, if at all."""
     node_force: NodeForce | None = None
     spring_law: SpringLaw | None = None
     adapt: Callable[[Values, Body], Body] | None = None

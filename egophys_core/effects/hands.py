@@ -1,4 +1,4 @@
-"""What effects of grip and tracking need to know of the hands: which points are one hand, where it took hold."""
+"""What effects of grip and tracking need to know of the hands: which points are one hand, and how it turns."""
 
 import numpy as np
 

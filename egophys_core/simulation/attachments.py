@@ -31,11 +31,6 @@ class Attachments:
         """Node, controller and longest extension of each spring: a press that becomes a hold is another contact."""
         return list(zip(self.nodes.tolist(), self.controllers.tolist(), self.longest_extensions.tolist(), strict=True))
 
-    def holding(self) -> np.ndarray:
-        """[A', 2] int32 node and controller of the springs that hold, not of those that press."""
-        pairs = np.stack([self.nodes, self.controllers], axis=1)
-        return pairs[self.longest_extensions > 0.0]
-
     def of_controllers(self, keep: np.ndarray) -> "Attachments":
         """Only the springs of controllers where `keep` [C] is True."""
         kept = keep[self.controllers]

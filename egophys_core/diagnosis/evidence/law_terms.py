@@ -9,8 +9,8 @@ from egophys_core.effects.traits import Traits
 from egophys_core.lanes import LANES, Lanes
 from egophys_core.lanes.state import ParameterArrays, StateArrays
 
-LINEAR, QUADRATIC, SLIDING, STRETCH, COUNT = 3, 4, 5, 6, 9
-"""Columns after the uniform acceleration, and how many there are."""
+LINEAR, QUADRATIC, SLIDING, STRETCH = 3, 4, 5, 6
+"""Columns after the uniform acceleration."""
 
 LEAST_SLIDING = 0.03
 """m/s: below it the force of sliding fades."""

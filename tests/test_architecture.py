@@ -79,9 +79,6 @@ MAY_USE: dict[str, set[str]] = {
 
 HEAVY = ("torch", "rclpy")
 
-SHARED = {"EpisodeError", "Observation", "Scene"}
-"""Names of classes that two rooms still share; none may be added."""
-
 
 def room_of(path: Path) -> str:
     """The room a file is in; a module beside the rooms is one of its own."""
@@ -215,7 +212,7 @@ def test_no_two_classes_share_a_name():
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name, []).append(f"{path.relative_to(PACKAGE.parent)}:{node.lineno}")
     assert len(places) > 200
-    assert {name: each for name, each in places.items() if len(each) > 1 and name not in SHARED} == {}
+    assert {name: each for name, each in places.items() if len(each) > 1} == {}
 
 
 def test_errors_of_this_project_have_one_base():

@@ -22,6 +22,7 @@ from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.explain import explain
+from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
@@ -116,6 +117,7 @@ def _diagnose_observed(
 ) -> Finding:
     """As `diagnose`, from episodes in which the twin has its place already."""
     started = time.monotonic()
+    thresholds = Thresholds()
     observations, validation = fitted_and_validation(observations)
     for name in without:
         effect_named(name)
@@ -132,6 +134,7 @@ def _diagnose_observed(
         without=without,
         resamples=options.bootstraps,
         seed=seed,
+        thresholds=thresholds,
     )
     without_them = None
     known = {each.name: each.values for each in measured if each.shows}
@@ -140,7 +143,11 @@ def _diagnose_observed(
         baseline, without_them = baseline_beside(observations, baseline, known, iterations=options.refit_iterations)
     followed = follows(baseline.fitted, validation)
     problem = DiagnosisProblem(
-        observations=observations, validation=list(compress(validation, followed)), options=options, seed=seed
+        observations=observations,
+        validation=list(compress(validation, followed)),
+        options=options,
+        seed=seed,
+        thresholds=thresholds,
     )
     found = explain(problem, baseline, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))
     first = found.searches[0]

@@ -57,7 +57,7 @@ class Found:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class RenderedSurface:
     """A predicted surface as a view would show it."""
 
     corners: np.ndarray
@@ -68,7 +68,7 @@ class Scene:
     """What is in front where."""
 
 
-def scene_of(rest: RestObject, skins: tuple[np.ndarray, np.ndarray], view: View) -> Scene:
+def scene_of(rest: RestObject, skins: tuple[np.ndarray, np.ndarray], view: View) -> RenderedSurface:
     """Project and render a surface.
 
     Args:
@@ -80,12 +80,12 @@ def scene_of(rest: RestObject, skins: tuple[np.ndarray, np.ndarray], view: View)
     shown, other = (project(skin, view.camera_matrix, view.world_from_camera)[mesh.triangles] for skin in skins)
     front = facing(shown)
     corners = np.where(front[:, None, None], shown, other)
-    return Scene(
+    return RenderedSurface(
         corners=corners, side=np.where(front, 1.0, -1.0), rendering=render(mesh, corners, view.image.shape[:2])
     )
 
 
-def find_rendered(rest: RestObject, scene: Scene, evened: np.ndarray, masks: Masks, levels: int) -> Found:
+def find_rendered(rest: RestObject, scene: RenderedSurface, evened: np.ndarray, masks: Masks, levels: int) -> Found:
     """Features that the rendering shows in front, searched around where it shows them.
 
     Args:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.perception.stages import Masks
-from egophys_core.perception.surface.feature_search import Found, Scene, find_rendered, follow, scene_of
+from egophys_core.perception.surface.feature_search import Found, RenderedSurface, find_rendered, follow, scene_of
 from egophys_core.perception.surface.patch_match import even_contrast
 from egophys_core.perception.surface.surface_fit import fitter_of
 from egophys_core.perception.surface.surface_render import project
@@ -17,7 +17,7 @@ EVENED = even_contrast(FRAME.image)
 NOWHERE = np.zeros((SIDE, SIDE), bool)
 
 
-def scene() -> Scene:
+def scene() -> RenderedSurface:
     fitter = fitter_of(REST.model)
     return scene_of(REST, (fitter.skin(REST.model.rest, 1.0), fitter.skin(REST.model.rest, -1.0)), FRAME.view)
 

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 from rosbags.serde import SerdeError
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from egophys_core.episode import WORLD_FRAME, Episode
 from egophys_core.errors import EpisodeError, RecordingError
+from egophys_core.interpolation import PosesOverTime
 from egophys_core.planning import Grasp, grasp_from_points
 from egophys_core.recording import (
     CONTROLLER_TOPIC,
@@ -43,8 +44,8 @@ class ToolPath:
         """[C, 3] metres: the points that move with the tool, at a time within the path."""
         times = (self.stamps_ns - self.stamps_ns[0]) / NANOSECONDS
         time = (stamp_ns - int(self.stamps_ns[0])) / NANOSECONDS
-        position = [np.interp(time, times, self.positions[:, axis]) for axis in range(3)]
-        return Slerp(times, Rotation.from_quat(self.quaternions))(time).apply(grasp.controllers) + position
+        position, rotation = PosesOverTime(times, self.positions, Rotation.from_quat(self.quaternions)).at(time)
+        return np.asarray(rotation.apply(grasp.controllers) + position)
 
 
 def has_executions(path: Path, executed_topic: str = EXECUTED_TOPIC) -> bool:

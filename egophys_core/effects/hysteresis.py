@@ -27,7 +27,7 @@ def rubbing(
         way = begun[lane] * advances * d[lane] * (strain[lane] - second[lane])
         there = first[lane] + way
         # What of the way leads away from 0.
-        away = wp.max(wp.min(there, way), 0.0) + wp.min(wp.max(there, way), 0.0)
+        away = wp.max(wp.min(there, wp.max(way, 0.0)), wp.min(way, 0.0))
         size = wp.abs(away)
         half = 0.5 * size
         z[lane] = (there + away * half) / (1.0 + size + size * half)

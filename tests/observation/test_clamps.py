@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from egophys_core.geometry import least_rotation
+from egophys_core.geometry import smallest_rotation
 from egophys_core.observation.clamps import (
     carried_by_clamps,
     clamp_groups,
@@ -45,20 +45,20 @@ def test_what_slips_in_its_glue_stands_still() -> None:
     assert not stands_still(held)
 
 
-def test_the_least_rotation_is_about_what_is_across_both() -> None:
+def test_the_smallest_rotation_is_about_what_is_across_both() -> None:
     generator = np.random.default_rng(0)
     for source, target in generator.normal(size=(20, 2, 3)):
-        turn = least_rotation(source, target)
+        turn = smallest_rotation(source, target)
         axis = np.cross(source, target)
         assert turn @ source / np.linalg.norm(source) == pytest.approx(target / np.linalg.norm(target))
         assert turn @ axis == pytest.approx(axis)
         assert np.linalg.det(turn) == pytest.approx(1.0)
-    assert least_rotation(np.zeros(3), np.ones(3)) == pytest.approx(np.eye(3))
+    assert smallest_rotation(np.zeros(3), np.ones(3)) == pytest.approx(np.eye(3))
 
 
 @pytest.mark.parametrize("direction", np.eye(3))
 def test_a_direction_can_be_turned_round(direction: np.ndarray) -> None:
-    turn = least_rotation(direction, -2.0 * direction)
+    turn = smallest_rotation(direction, -2.0 * direction)
     assert turn @ direction == pytest.approx(-direction)
     assert turn @ turn.T == pytest.approx(np.eye(3))
     assert np.linalg.det(turn) == pytest.approx(1.0)

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from egophys_core.episode import Episode
 from egophys_core.rehearsal.engine import load_mujoco
 from egophys_core.rehearsal.field_forces import hidden_tether
-from egophys_core.rehearsal.handled_body import gravity_with, lumped
+from egophys_core.rehearsal.handled_body import gravity_with, with_added_mass
 from egophys_core.rehearsal.injected_forces import FIELDS
 from egophys_core.rehearsal.injection import Effects, complete_effects
 from egophys_core.rehearsal.observation import in_tracking_frame, mistracked
@@ -106,7 +106,7 @@ def record(
         hanging: how the hands move.
         seconds: of the record.
         effects: injected ones, as in `egophys_core.rehearsal.injection`; what is at rest there hangs here when the
-            record begins, or lies straight from (0, 0, 1) to (1, 0, 1) for a lump.
+            record begins, or lies straight from (0, 0, 1) to (1, 0, 1) for added mass.
         seed: of the markers' noise.
         intrinsic_curvature: 1/m, of the cable when nothing acts on it, aside.
     """
@@ -119,7 +119,7 @@ def record(
     pieces = slice(first, first + PIECES)
     model.opt.gravity[:] = gravity_with(injected)
     if "uneven_mass" in injected:
-        heavier = lumped(data.xipos[pieces].copy(), model.body_mass[pieces].copy(), injected["uneven_mass"])
+        heavier = with_added_mass(data.xipos[pieces].copy(), model.body_mass[pieces].copy(), injected["uneven_mass"])
         model.body_inertia[pieces] *= (heavier / model.body_mass[pieces])[:, None]
         model.body_mass[pieces] = heavier
         mujoco.mj_setConst(model, data)

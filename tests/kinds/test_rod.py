@@ -227,13 +227,13 @@ def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
     """What our simulator does with a rod is recovered."""
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=200))
     body = marker_body(moved, None)
-    planted = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
-    seen = rolled_out(planted, body, moved)
+    injected = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
+    seen = rolled_out(injected, body, moved)
     twin = build([replace(moved, points=seen)])
     assert np.ptp(seen, axis=0).max() > 0.05
     assert twin.provenance.settings["rmse_m"] < 1e-3
     found = twin.model.parameters
-    assert found.flexural_rigidity == pytest.approx(planted.parameters.flexural_rigidity, rel=0.03)
+    assert found.flexural_rigidity == pytest.approx(injected.parameters.flexural_rigidity, rel=0.03)
     assert found.retardation_time == pytest.approx(0.015, rel=0.15)
     assert found.drag == pytest.approx(0.5, abs=0.1)
     assert "rod" in twin.provenance.settings["assumed"][0]
@@ -264,8 +264,8 @@ def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=140), aside=0.1)
     body = marker_body(moved, None)
     bare = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.0)
-    planted = with_effect(bare, "quadratic_drag", {"coefficient": 10.0})
-    seen = observe_episode(replace(moved, points=rolled_out(planted, body, moved)))
+    injected = with_effect(bare, "quadratic_drag", {"coefficient": 10.0})
+    seen = observe_episode(replace(moved, points=rolled_out(injected, body, moved)))
     search = MarkerSearch(body, [seen], 1000.0)
     (rigidity, *_), error = search.best(search.unknowns.static_deflection)
     assert error > 2e-3

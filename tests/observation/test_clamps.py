@@ -18,7 +18,7 @@ def test_points_that_come_near_but_move_apart_are_two_clamps() -> None:
     """Two hands of two points each that begin 10 cm from each other."""
     pair = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]])
     apart = np.linspace(0.1, 0.4, 5)
-    held = np.stack([np.concatenate([pair, pair + [way, 0.0, 0.0]]) for way in apart])
+    held = np.stack([np.concatenate([pair, pair + [distance, 0.0, 0.0]]) for distance in apart])
     assert [group.tolist() for group in clamp_groups(held)] == [[0, 1], [2, 3]]
 
 
@@ -75,10 +75,10 @@ def test_a_rigid_motion_is_found() -> None:
 
 def test_smoothing_takes_noise_and_leaves_what_hands_do() -> None:
     times = np.arange(300) / 100.0
-    swing = np.zeros((300, 2, 3))
-    swing[:, :, 2] = 0.1 * np.sin(2.0 * np.pi * 1.5 * times)[:, None]
-    noise = np.random.default_rng(0).normal(0.0, 0.0002, swing.shape)
-    assert smoothed_clamps(swing, times) == pytest.approx(swing, abs=5e-4)
+    motion = np.zeros((300, 2, 3))
+    motion[:, :, 2] = 0.1 * np.sin(2.0 * np.pi * 1.5 * times)[:, None]
+    noise = np.random.default_rng(0).normal(0.0, 0.0002, motion.shape)
+    assert smoothed_clamps(motion, times) == pytest.approx(motion, abs=5e-4)
     assert smoothed_clamps(noise, times)[10:-10].std() < 0.6 * noise[10:-10].std()
 
 

@@ -57,9 +57,9 @@ nature "coiled"."""
 def measure(injected: str) -> dict[str, Any]:
     """One cable: a twin of two motions, its diagnosis on all three."""
     effects = {injected: INJECTED[injected]} if INJECTED[injected] else {}
-    natural_bend = COILED if injected == "coiled" else 0.0
+    intrinsic_curvature = COILED if injected == "coiled" else 0.0
     episodes = [
-        record(motion, seconds=SECONDS, effects=effects, seed=index, natural_bend=natural_bend)
+        record(motion, seconds=SECONDS, effects=effects, seed=index, intrinsic_curvature=intrinsic_curvature)
         for index, motion in enumerate(MOTIONS)
     ]
     began = time.perf_counter()

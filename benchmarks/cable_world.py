@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from egophys_core.episode import Episode
 from egophys_core.rehearsal.engine import load_mujoco
 from egophys_core.rehearsal.field_forces import hidden_tether
-from egophys_core.rehearsal.handled_body import gravity_with, lumped
+from egophys_core.rehearsal.handled_body import gravity_with, with_added_mass
 from egophys_core.rehearsal.injected_forces import FIELDS
 from egophys_core.rehearsal.injection import Effects, complete_effects
 from egophys_core.rehearsal.observation import in_tracking_frame, mistracked
@@ -33,7 +33,7 @@ SETTLING, SETTLING_DRAG = 4.0, 8.0
 """Seconds from lying straight to hanging between the hands, before a record; 1/s, of a drag that brings it to rest."""
 
 COILED = 2.0
-"""1/m, how much a cable is bent by nature that was kept on a coil, if it was: to the side, as the hands hold it."""
+"""1/m, intrinsic curvature of a cable that was kept on a coil, if it was: to the side, as the hands hold it."""
 
 FREE_MARKERS, HELD = 9, 2
 """Evenly spread between the hands; at each end of them, where a hand holds the last piece by both its ends."""
@@ -98,7 +98,7 @@ def record(
     seconds: float,
     effects: Mapping[str, Mapping[str, float]],
     seed: int,
-    natural_bend: float = 0.0,
+    intrinsic_curvature: float = 0.0,
 ) -> Episode:
     """The markers of a moved cable, 100 frames a second.
 
@@ -106,26 +106,26 @@ def record(
         hanging: how the hands move.
         seconds: of the record.
         effects: injected ones, as in `egophys_core.rehearsal.injection`; what is at rest there hangs here when the
-            record begins, or lies straight from (0, 0, 1) to (1, 0, 1) for a lump.
+            record begins, or lies straight from (0, 0, 1) to (1, 0, 1) for added mass.
         seed: of the markers' noise.
-        natural_bend: 1/m, of the cable when nothing acts on it, aside.
+        intrinsic_curvature: 1/m, of the cable when nothing acts on it, aside.
     """
     injected = complete_effects(effects)
     mujoco = load_mujoco()
-    model: Any = mujoco.MjModel.from_xml_string(_scene(_arc(natural_bend)))
+    model: Any = mujoco.MjModel.from_xml_string(_scene(_arc(intrinsic_curvature)))
     data: Any = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     first = model.body("cB_first").id
     pieces = slice(first, first + PIECES)
     model.opt.gravity[:] = gravity_with(injected)
     if "uneven_mass" in injected:
-        heavier = lumped(data.xipos[pieces].copy(), model.body_mass[pieces].copy(), injected["uneven_mass"])
+        heavier = with_added_mass(data.xipos[pieces].copy(), model.body_mass[pieces].copy(), injected["uneven_mass"])
         model.body_inertia[pieces] *= (heavier / model.body_mass[pieces])[:, None]
         model.body_mass[pieces] = heavier
         mujoco.mj_setConst(model, data)
     masses = model.body_mass[pieces].copy()
     terms = [make(injected[name]) for name, make in FIELDS.items() if name in injected]
-    half_turn = 0.5 * natural_bend * LENGTH * (1.0 - 1.0 / PIECES)
+    half_turn = 0.5 * intrinsic_curvature * LENGTH * (1.0 - 1.0 / PIECES)
     lying = np.array([[0.0, 0.0, 1.0, -half_turn, 0.0], [*data.site("cS_last").xpos, half_turn, 0.0]])
     before = data.xipos[pieces].copy()
 

@@ -100,7 +100,7 @@ def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     thread = {"stiffness": 2.0, "length": 0.02}
     snags = [
         {"x": float(x), "y": float(y), "z": float(z), "anchor_x": 0.0, "anchor_y": 0.0, **thread}
-        for x, y, z in spread(low, high, CORNERS, reach=0.9, axes=longest_axes(high - low))
+        for x, y, z in spread(low, high, CORNERS, extent_share=0.9, axes=longest_axes(high - low))
     ]
     beside = 0.5 * float((high - low).max())
     anchors = [(sign * beside * (axis == 0), sign * beside * (axis == 1)) for axis in (0, 1) for sign in (-1, 1)]
@@ -126,7 +126,7 @@ EFFECT = Effect(
             "uneven_mass",
             "constant_body_force",
         ),
-        experiment="put it down somewhere else and repeat the motion: a snag stays behind, a lump comes along",
+        experiment="put it down somewhere else and repeat the motion: a snag stays behind, an added mass comes along",
     ),
     starts=starts,
     node_force=NodeForce(function=add_tether, numbers=numbers, stiffness_rate=stiffness_rate),

@@ -24,10 +24,10 @@ def rubbing(
         # A rollout that has done all of its substeps waits for others, and remembers what it did.
         advances = wp.step(-dt[lane])
         followed[lane] = wp.where(advances > 0.0, strain[lane], second[lane])
-        way = begun[lane] * advances * d[lane] * (strain[lane] - second[lane])
-        there = first[lane] + way
-        # What of the way leads away from 0.
-        away = wp.max(wp.min(there, wp.max(way, 0.0)), wp.min(way, 0.0))
+        change = begun[lane] * advances * d[lane] * (strain[lane] - second[lane])
+        there = first[lane] + change
+        # What of the change leads away from 0.
+        away = wp.max(wp.min(there, wp.max(change, 0.0)), wp.min(change, 0.0))
         size = wp.abs(away)
         half = 0.5 * size
         z[lane] = (there + away * half) / (1.0 + size + size * half)

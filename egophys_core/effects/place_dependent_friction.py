@@ -56,7 +56,7 @@ def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     radius = float(np.clip(0.3 * (high - low)[:2].max(), 0.02, 1.0))
     return [
         {"x": float(x), "y": float(y), "radius": radius, "change": 0.2}
-        for x, y, _ in spread(low, high, CORNERS, reach=0.5, axes=HORIZONTAL)
+        for x, y, _ in spread(low, high, CORNERS, extent_share=0.5, axes=HORIZONTAL)
     ]
 
 

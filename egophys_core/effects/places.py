@@ -19,11 +19,16 @@ def longest_axes(extent: np.ndarray) -> tuple[int, int]:
 
 
 def spread(
-    low: np.ndarray, high: np.ndarray, pattern: tuple[tuple[int, int], ...], *, reach: float, axes: tuple[int, int]
+    low: np.ndarray,
+    high: np.ndarray,
+    pattern: tuple[tuple[int, int], ...],
+    *,
+    extent_share: float,
+    axes: tuple[int, int],
 ) -> np.ndarray:
-    """[len(pattern), 3] metres: places in a box, away from its centre by a share of its half size along two axes."""
+    """[len(pattern), 3] metres: places in a box, away from its centre by a share of its half extents along two axes."""
     places = np.tile((low + high) / 2, (len(pattern), 1))
-    places[:, axes] += reach * np.array(pattern) * ((high - low) / 2)[list(axes)]
+    places[:, axes] += extent_share * np.array(pattern) * ((high - low) / 2)[list(axes)]
     return places
 
 

@@ -59,7 +59,7 @@ def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     return [
         {"x": float(x), "y": float(y), "z": float(z), "strength": 0.5, "range": float(np.clip(share * size, 0.02, 1.0))}
         for share in SEARCH_RANGES
-        for x, y, z in spread(low, high, CORNERS, reach=0.8, axes=HORIZONTAL)
+        for x, y, z in spread(low, high, CORNERS, extent_share=0.8, axes=HORIZONTAL)
     ]
 
 

@@ -75,7 +75,7 @@ def numbers(values: Values, body: Body) -> np.ndarray:
     return np.array([values["x"], values["y"], values["z"], begins, ends, pulsation, values["phase"]])
 
 
-def swing(values: Values, time: np.ndarray) -> np.ndarray:
+def oscillation(values: Values, time: np.ndarray) -> np.ndarray:
     """-1..1: the force at times, seconds, over its largest."""
     return np.asarray(np.cos(2.0 * np.pi * values["frequency"] * (time - values["onset"]) - values["phase"]))
 
@@ -101,7 +101,8 @@ def superposition(
     pieces = [{**SIZE, **_window(times, index, index + 1), "frequency": 0.0, "phase": 0.0} for index in range(PIECES)]
     fine = np.linspace(times[0], times[-1], 20 * PIECES, endpoint=False) + (times[1] - times[0]) / 40.0
     shares = [
-        swing(start, fine) * ((fine > start["onset"]) & (fine < start["onset"] + start["duration"])) for start in starts
+        oscillation(start, fine) * ((fine > start["onset"]) & (fine < start["onset"] + start["duration"]))
+        for start in starts
     ]
     return pieces, np.reshape(shares, (len(starts), PIECES, -1)).mean(axis=2)
 

@@ -28,7 +28,7 @@ class Measurement(StrEnum):
     TABLE_LEVEL = "table level"
     """A sheet that lies flat is level."""
     RING_DOWN = "ring-down"
-    """What swings in a clamp that stands still sinks as it relaxes."""
+    """The middle of a ring-down in a clamp that stands still sinks as the material relaxes."""
 
 
 def never(*_: object) -> bool:
@@ -55,7 +55,7 @@ class Traits:
     """How it is measured directly, if it can be."""
     same_in_every_motion: bool = False
     """Whether it belongs to the surroundings: episodes that ask for different sizes, of which one makes another worse,
-    refute it. A lump's place and size make up for each other, and a grip slips as it was taken."""
+    refute it. An added mass's place and size make up for each other, and a grip slips as it was taken."""
     is_event: bool = False
     """Whether it happens or not: a grip that slips in some episodes need not slip in others."""
     degenerate_parameter: str | None = None
@@ -65,6 +65,6 @@ class Traits:
     is_horizontal: Callable[[Values], bool] = never
     """Whether, with these values, it is a steady force to the side."""
     is_vertical: Callable[[Values], bool] = never
-    """Whether, with these values, it says only that an object sags more or less."""
+    """Whether, with these values, it says only that an object hangs lower or higher."""
     is_implausible: Callable[[Values, np.ndarray], bool] = never
-    """Whether values, for an object at rest at [N, 3] metres, are of no such thing: a lump where nothing is."""
+    """Whether values, for an object at rest at [N, 3] metres, are of no such thing: an added mass where nothing is."""

@@ -1,6 +1,6 @@
-"""A lump: a part of the object is heavier than the rest.
+"""Added mass: a part of the object is heavier than the rest.
 
-Motion tells forces only per mass, so the total is a scale that a twin chooses; a lump shifts mass to its place and
+Motion tells forces only per mass, so the total is a scale that a twin chooses; added mass is shifted to its place and
 leaves the total as it is. Otherwise it would act as softer springs all over, and be taken for them.
 """
 
@@ -12,11 +12,11 @@ from egophys_core.effects.effect import Body, Effect, Parameter, Surroundings, V
 from egophys_core.effects.places import weights_around
 from egophys_core.effects.traits import Traits
 
-REACH = 0.6
-"""Of the way from the middle to an end, where a lump is looked for."""
+EXTENT_SHARE = 0.6
+"""Of the distance from the middle to an end, where added mass is looked for."""
 
 THIN = 0.2
-"""Share of the longest extent below which an object is thin, and a lump's place across it not told."""
+"""Share of the longest extent below which an object is thin, and the added mass's place across it not told."""
 
 
 def adapt(values: Values, body: Body) -> Body:
@@ -29,7 +29,7 @@ def adapt(values: Values, body: Body) -> Body:
 
 
 def lies_beside(values: Values, rest_positions: np.ndarray) -> bool:
-    """Whether the lump lies where nothing of the object, [N, 3] metres, is; across a thin one its place is not told."""
+    """Whether it lies where nothing of the object, [N, 3] metres, is; across a thin object its place is not told."""
     half = np.ptp(rest_positions, axis=0) / 2.0
     place = np.array([values["x"], values["y"], values["z"]])
     return bool((abs(place) > half + values["radius"])[_thick(half)].any())
@@ -46,13 +46,16 @@ def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     half = (high - low) / 2
     radius = float(np.clip(0.4 * half.max(), 0.005, 0.5))
     thick = np.flatnonzero(_thick(half))
-    places = [np.zeros(3), *(sign * REACH * half[axis] * np.eye(3)[axis] for axis in thick for sign in (-1.0, 1.0))]
+    places = [
+        np.zeros(3),
+        *(sign * EXTENT_SHARE * half[axis] * np.eye(3)[axis] for axis in thick for sign in (-1.0, 1.0)),
+    ]
     return [{"x": float(x), "y": float(y), "z": float(z), "radius": radius, "fraction": 0.2} for x, y, z in places]
 
 
 EFFECT = Effect(
     name="uneven_mass",
-    summary="a lump in the object: mass beyond an even share about one place",
+    summary="added mass in the object: beyond an even share about one place",
     equation="m_i = (m + fraction M w_i) / (1 + fraction), w Gaussian of deviation radius, (x, y, z) from the centre",
     source="Atkeson, An and Hollerbach, Int. J. Robotics Research 5(3) (1986) 101: inertial parameters of loads",
     parameters=(
@@ -62,7 +65,7 @@ EFFECT = Effect(
     ),
     traits=Traits(
         confounders=("gravity_scale", "hidden_tether", "anisotropy", "constant_body_force"),
-        experiment="let it hang still from one end, then from the other: the lump stretches what is above it",
+        experiment="let it hang still from one end, then from the other: the added mass stretches what is above it",
         common_in=frozenset({"solid"}),
         is_implausible=lies_beside,
     ),

@@ -33,7 +33,7 @@ def stiffening(numbers: np.ndarray, strains: np.ndarray) -> np.ndarray:
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
-    """Relaxation within a swing, within a lift and over the episode."""
+    """Relaxation within a ring-down's period, within a lift and over the episode."""
     return [{"ratio": 0.2, "time": time} for time in (0.1, 0.4, 1.5)]
 
 

@@ -153,11 +153,11 @@ def evaluate_candidates(
     problems: Sequence[FitProblem], shape: RestShape, population: Sequence[np.ndarray], stride: int
 ) -> np.ndarray:
     """[K] metres: the loss of candidates at normalised coordinates, averaged over episodes."""
-    losses, way = np.zeros(len(population)), surface_model(kind_named(shape.kind))
+    losses, from_surface = np.zeros(len(population)), surface_model(kind_named(shape.kind))
     with ThreadPoolExecutor(usable_cores()) as pool:
         for problem in problems:
             ground = problem.episode.ground_height
-            models = [way.candidate(shape, coordinates, ground_height=ground) for coordinates in population]
+            models = [from_surface.candidate(shape, coordinates, ground_height=ground) for coordinates in population]
             controls, starts = [problem.train_controls()] * len(models), [problem.start] * len(models)
             result = rollout(batch_of_models(models, controls, starts=starts, ground_height=ground))
             frames = problem.loss_frames(stride)

@@ -1,8 +1,8 @@
 """From episodes of an object with a few markers to its model: one stiffness, one damping, one drag.
 
-Free rollouts tell them: markers are too few and too well measured for anything to be smoothed away. A swing that has
-the wrong period looks as wrong as any other, so the sag under gravity tells the stiffness first, with the swing
-damped away; then its period does, then all numbers are refined together.
+Free rollouts tell them: markers are too few and too well measured for anything to be smoothed away. A ring-down that
+has the wrong period looks as wrong as any other, so the static deflection under gravity tells the stiffness first, with
+all motion damped away; then the period does, then all numbers are refined together.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,15 +23,15 @@ from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 
 NEAR = np.geomspace(0.75, 1.33, 32)
-"""Times the stiffness of the sag, within which that of the swing is looked for."""
+"""Times the stiffness by static deflection, within which that by the ring-down is looked for."""
 
 REFINEMENTS = 20
 """Steps of the refinement at most."""
 
-DAMPINGS = (0.0, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
+LM_DAMPINGS = (0.0, 0.01, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
 """Of Levenberg and Marquardt's steps; all are tried, as one lane group."""
 
-NUDGE = 0.1
+FINITE_DIFFERENCE_STEP = 0.1
 """Share of the first steps by which slopes are measured."""
 
 LONGEST_STEP = 3.0
@@ -105,9 +105,9 @@ class MarkerSearch:
     def __init__(self, body: MarkerBody, observed: Sequence[ObservedEpisode], density: float):
         """Of a density in kg/m^3."""
         self.observed = observed
-        first, way = observed[0].episode, marker_model(kind_named(body.kind))
-        self.unknowns = way.unknowns(body, first.controllers.shape[1] + first.points.shape[1], density)
-        self._starts_as_seen = way.starts_as_seen
+        first, from_markers = observed[0].episode, marker_model(kind_named(body.kind))
+        self.unknowns = from_markers.unknowns(body, first.controllers.shape[1] + first.points.shape[1], density)
+        self._starts_as_seen = from_markers.starts_as_seen
         self._placed: tuple[FitProblem, ...] | None = None
 
     def at(self, numbers: np.ndarray) -> MarkerFit:
@@ -133,15 +133,15 @@ class MarkerSearch:
         return candidates[row], float(errors[row])
 
     def run(self, progress: Progress = lambda stage, share, error: None) -> MarkerFit:
-        """The sag, the swing, then all together.
+        """By the static deflection, by the ring-down, then all together.
 
         Raises:
             TwinError: all rollouts diverged.
         """
-        here, error = self.best(self.unknowns.sags)
-        progress("sag", 0.2, error)
+        here, error = self.best(self.unknowns.static_deflection)
+        progress("static deflection", 0.2, error)
         here, error = self.best(self.unknowns.about(here, NEAR))
-        progress("swing", 0.3, error)
+        progress("ring-down", 0.3, error)
         for round_ in range(REFINEMENTS):
             found, its_error = self.best(self._steps_from(here))
             progress("refine", 0.3 + 0.7 * (round_ + 1) / REFINEMENTS, min(error, its_error))
@@ -153,30 +153,30 @@ class MarkerSearch:
     def _steps_from(self, here: np.ndarray) -> np.ndarray:
         """[K, D] where steps of Levenberg and Marquardt with several dampings lead from numbers [D]."""
         steps = self.unknowns.steps
-        sides = NUDGE * np.diag(steps)
-        misses = marker_misses([self.at(each) for each in np.concatenate([[here], here + sides])])
-        # What diverges when it is turned is left where it is.
-        slopes = np.nan_to_num((misses[1:] - misses[0]) / NUDGE, nan=0.0, posinf=0.0, neginf=0.0)
-        squares, downhill = slopes @ slopes.T, -slopes @ misses[0]
-        ways = [
+        sides = FINITE_DIFFERENCE_STEP * np.diag(steps)
+        residuals = marker_residuals([self.at(each) for each in np.concatenate([[here], here + sides])])
+        # What diverges when it is changed is left where it is.
+        slopes = np.nan_to_num((residuals[1:] - residuals[0]) / FINITE_DIFFERENCE_STEP, nan=0.0, posinf=0.0, neginf=0.0)
+        squares, downhill = slopes @ slopes.T, -slopes @ residuals[0]
+        moves = [
             np.linalg.lstsq(squares + np.diag(damping * np.diag(squares)), downhill, rcond=None)[0]
-            for damping in DAMPINGS
+            for damping in LM_DAMPINGS
         ]
-        return np.maximum(here + steps * np.clip(ways, -LONGEST_STEP, LONGEST_STEP), self.unknowns.low)
+        return np.maximum(here + steps * np.clip(moves, -LONGEST_STEP, LONGEST_STEP), self.unknowns.low)
 
 
 def marker_errors(fits: Sequence[MarkerFit]) -> np.ndarray:
     """[K] metres: root mean square distance of the markers in the train frames of all episodes; inf if diverged."""
-    errors = np.linalg.norm(marker_misses(fits), axis=1)
+    errors = np.linalg.norm(marker_residuals(fits), axis=1)
     return np.where(np.isfinite(errors), errors, np.inf)
 
 
-def marker_misses(fits: Sequence[MarkerFit]) -> np.ndarray:
-    """[K, M] metres, by which markers are missed in the train frames of all episodes, over the root of their number.
+def marker_residuals(fits: Sequence[MarkerFit]) -> np.ndarray:
+    """[K, M] metres, residuals of the markers in the train frames of all episodes, over the root of their number.
 
     Their squares sum up to the mean square distance of a marker; not finite where a rollout diverged.
     """
-    misses, count = [], 0
+    residuals, count = [], 0
     for problems in zip(*(fit.problems for fit in fits), strict=True):
         controls = [problem.train_controls() for problem in problems]
         result = rollout(
@@ -190,6 +190,6 @@ def marker_misses(fits: Sequence[MarkerFit]) -> np.ndarray:
         )
         observed = problems[0].episode.points[: len(controls[0].times)]
         seen = np.isfinite(observed).all(axis=2)
-        misses.append((result.positions[:, :, problems[0].bound] - observed[None])[:, seen].reshape(len(fits), -1))
+        residuals.append((result.positions[:, :, problems[0].bound] - observed[None])[:, seen].reshape(len(fits), -1))
         count += int(seen.sum())
-    return np.concatenate(misses, axis=1).astype(np.float64) / np.sqrt(max(count, 1))
+    return np.concatenate(residuals, axis=1).astype(np.float64) / np.sqrt(max(count, 1))

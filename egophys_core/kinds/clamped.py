@@ -3,8 +3,8 @@
 from egophys_core.kinds.kind import MarkerBody
 from egophys_core.twin import PhysicalParameters
 
-SWING_GONE = 20.0
-"""1/s, a drag that leaves a sag and no swing."""
+OVERDAMPED = 20.0
+"""1/s, a drag that leaves static deflection and no ring-down."""
 
 SOME_DRAG = 1.0
 """1/s, first guess."""

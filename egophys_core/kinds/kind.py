@@ -163,18 +163,18 @@ class Unknowns:
 
     steps: np.ndarray
     """[D] first steps of a refinement."""
-    sags: np.ndarray
-    """[K, D] from where to look for a sag."""
+    static_deflection: np.ndarray
+    """[K, D] from where to look for the numbers that the static deflection tells."""
     low: np.ndarray
     """[D] least numbers."""
-    swing: np.ndarray
-    """[D] first guess of what swings; NaN where the sag tells it."""
+    ring_down: np.ndarray
+    """[D] first guess of what the ring-down tells; NaN where the static deflection tells it."""
     model: Callable[[np.ndarray], tuple[MarkerBody, ObjectModel]]
     """From numbers [D] to the body, placed as they say, and its model."""
 
     def about(self, numbers: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
-        """[K, D] first guesses of the swing, of stiffnesses [K] times that of some numbers [D]."""
-        around = np.tile(np.where(np.isnan(self.swing), numbers, self.swing), (len(stiffer), 1))
+        """[K, D] first guesses for the ring-down, of stiffnesses [K] times that of some numbers [D]."""
+        around = np.tile(np.where(np.isnan(self.ring_down), numbers, self.ring_down), (len(stiffer), 1))
         around[:, 0] += np.log(stiffer)
         return around
 
@@ -240,9 +240,9 @@ class Kind:
     is_line: bool = False
     """Whether it is the nodes of its centre line one after the other, and bends as a line does, not by springs. One
     may swing out of step with its twin, and then slopes tell nothing."""
-    sag_is_evidence: bool = True
-    """Whether what sags more or less than its twin says that a force acts: how firmly a solid is gripped, how stiff it
-    is and how much it weighs are one thing there."""
+    static_deflection_is_evidence: bool = True
+    """Whether another static deflection than its twin's says that a force acts: how firmly a solid is gripped, how
+    stiff it is and how much it weighs are one thing there."""
     cannot_tell: frozenset[Need] = frozenset()
     """What effects need that it has not, and so tells nothing of them."""
     otherwise_at_rest: Callable[[ObjectModel], list[ObjectModel]] = no_models

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import rigid_fit
-from egophys_core.kinds.clamped import SOME_DRAG, SWING_GONE, clamped_parameters
+from egophys_core.kinds.clamped import OVERDAMPED, SOME_DRAG, clamped_parameters
 from egophys_core.kinds.kind import (
     FittedParameter,
     FromMarkers,
@@ -38,7 +38,7 @@ ANCHORS = 6
 """Nodes of the lattice that a marker hangs on."""
 
 SAME_PLACE = 1e-6
-"""Metres within which nodes have no way between them, which a spring needs."""
+"""Metres within which nodes have no distance between them, which a spring needs."""
 
 MOST_RELIEF = 0.5
 """Of its mass that a cell can be lighter by for what hangs on it; a light node would ask for short steps."""
@@ -50,7 +50,7 @@ WIDE = 0.005
 """Metres that held points lie away from one line, from which they alone tell how a clamp is turned."""
 
 MODULI = np.geomspace(3e3, 1e7, 32)
-"""Young's moduli in Pa, from a sponge to rubber, at which the sag is looked at."""
+"""Young's moduli in Pa, from a sponge to rubber, at which static deflection is looked at."""
 
 DAMPING_S = 1e-5
 """Seconds, first guess of dashpot over spring. Dashpots act on all relative motion, so a slender body's turning too."""
@@ -85,7 +85,7 @@ def lattice_body(seen: SeenMarkers, template: Template | None) -> MarkerBody:
         template = _bar(tracks, frame, near, span)
         notes.append(f"no template: taken for a bar of {' x '.join(f'{edge:.3g}' for edge in template.size)} m")
     if len(clamps) > 1:
-        # What is longer than the way between two clamps lies inside them.
+        # What is longer than the distance between two clamps lies inside them.
         inside = max(template.length - span, 0.0)
         template = cut(template, inside / 2, inside / 2)
     centre = near + frame[0] * template.length / 2
@@ -129,8 +129,8 @@ def unknowns(body: MarkerBody, known: int, density: float) -> Unknowns:
     return Unknowns(
         steps=np.array([0.05, 0.7, 1.0, 0.005, 0.005]),
         low=np.array([-np.inf, -np.inf, 0.0, -np.inf, -np.inf]),
-        sags=np.array([[rate, np.log(DAMPING_S), SWING_GONE, 0.0, 0.0] for rate in rates]),
-        swing=np.array([np.nan, np.log(DAMPING_S), SOME_DRAG, 0.0, 0.0]),
+        static_deflection=np.array([[rate, np.log(DAMPING_S), OVERDAMPED, 0.0, 0.0] for rate in rates]),
+        ring_down=np.array([np.nan, np.log(DAMPING_S), SOME_DRAG, 0.0, 0.0]),
         model=model,
     )
 
@@ -173,7 +173,7 @@ def place(model: ObjectModel, grasp: np.ndarray, seen: SeenMarkers, load: float)
 
     It is placed by its held points if they tell how a clamp is turned: a hand that still holds it back in frame 0
     bends it. Fewer of them tell it together with the markers of frame 0, as one rigid body. If it is let go at the
-    start its episode begins where its swing first turns, and it begins bent as the markers say.
+    start its episode begins where its ring-down first turns back, and it begins bent as the markers say.
     """
     markers, known = len(seen.tracks), len(seen.held) + len(seen.tracks)
     nodes = model.graph.positions.astype(np.float64)
@@ -197,7 +197,7 @@ def place(model: ObjectModel, grasp: np.ndarray, seen: SeenMarkers, load: float)
 
 
 def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:
-    """Its springs and its drag; how much it sags tells how stiff it is, as a clamp does not give way."""
+    """Its springs and its drag; its static deflection tells how stiff it is, as a clamp does not give way."""
     return (*fitted_of_springs(model, most_damping=MOST_DAMPING), fitted("drag", 0.0, 20.0, 0.2, unit="1/s"))
 
 
@@ -209,7 +209,7 @@ def _spread(points: np.ndarray) -> float:
 
 
 def _frame(name: str, clamps: list[np.ndarray], tracks: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Axes [3, 3] of the template in the world as rows, the first clamp's centre [3], and the way to the other end."""
+    """Axes [3, 3] of the template in the world as rows, the first clamp's centre [3], the distance to the other end."""
     near = clamps[0]
     far = clamps[-1] if len(clamps) > 1 else tracks.mean(axis=0)
     span = float(np.linalg.norm(far - near))
@@ -219,7 +219,7 @@ def _frame(name: str, clamps: list[np.ndarray], tracks: np.ndarray) -> tuple[np.
 
 
 def _bar(tracks: np.ndarray, frame: np.ndarray, near: np.ndarray, span: float) -> Template:
-    """A bar that is as long as the markers reach and as thick as they lie around its axis."""
+    """A bar that is as long as the markers extend and as thick as they lie around its axis."""
     around = (tracks - near) @ frame.T
     thickness = max(2.0 * float(np.linalg.norm(around[:, 1:], axis=1).mean()), 0.05 * span)
     return box_template(span, min(thickness, 0.5 * span), min(thickness, 0.5 * span))
@@ -292,7 +292,7 @@ def _payload(model: ObjectModel, markers: int, load: float) -> np.ndarray:
 KIND = Kind(
     name=NAME,
     from_markers=FromMarkers(body=lattice_body, unknowns=unknowns, place=place),
-    sag_is_evidence=False,
+    static_deflection_is_evidence=False,
     fitted=fitted_parameters,
     faces=lambda graph: faces_of_body(graph.positions),
 )

@@ -1,8 +1,8 @@
 """Rods: slender objects, as a cable or a rope, which hardly stretch and resist bending.
 
 The nodes are those of the centre line one after the other, with a spring from each to the next; it resists bending as
-a line does, not by springs. It is straight, or bent alike all along, when nothing acts on it, and begins along the
-curve through held points and markers.
+a line does, not by springs. It is straight, or of one curvature all along, when nothing acts on it, and begins along
+the curve through held points and markers.
 """
 
 from dataclasses import replace
@@ -14,13 +14,13 @@ from scipy.spatial import cKDTree
 
 from egophys_core.effects.traits import Need
 from egophys_core.errors import TwinError
-from egophys_core.kinds.clamped import SOME_DRAG, SWING_GONE, clamped_parameters
+from egophys_core.kinds.clamped import OVERDAMPED, SOME_DRAG, clamped_parameters
 from egophys_core.kinds.kind import FittedParameter, FromMarkers, Kind, MarkerBody, PlacedMarkers, SeenMarkers, Unknowns
 from egophys_core.kinds.rod_curve import PIECES, axial_stiffness, bend_to, find_chain, longest_retardation, rod_nodes
 from egophys_core.kinds.spring_body import fitted
 from egophys_core.kinds.template import Template
 from egophys_core.twin import GRAVITY, ObjectModel, SpringGraph, SpringKind, chain
-from egophys_core.twin.parameters import NATURAL_BEND
+from egophys_core.twin.parameters import INTRINSIC_CURVATURE
 
 FloatOrArray = TypeVar("FloatOrArray", float, np.ndarray)
 
@@ -32,27 +32,27 @@ SLENDER = 12.0
 NODES_OF_A_CLAMP = 2
 """Which a clamp holds (`rod_curve.rod_nodes`)."""
 
-SECTION_M2 = 1e-4
+CROSS_SECTION_M2 = 1e-4
 """m^2, across a rod that no template describes: whatever it is, the rod moves alike."""
 
 OWN_MARKERS = 0.01
 """Metres within which nodes of a twin lie where the markers were that it was built from."""
 
 BENDING_LENGTHS = np.geomspace(0.02, 0.6, 24)
-"""(EI / weight per length)^(1/3) over the length of a rod, from a chain to a bar, at which the sag is looked at."""
+"""(EI / weight per length)^(1/3) over a rod's length, from a chain to a bar: where static deflection is looked at."""
 
-DRAGS = (0.0, SOME_DRAG, 3.0, SWING_GONE)
-"""1/s, at which a rod's sag is looked at: hands move it, and without a swing it would follow them otherwise. With 1 and
-20 alone a cable that met a drag was taken for one 10 times as stiff, and one of early hands for 65 times."""
+DRAGS = (0.0, SOME_DRAG, 3.0, OVERDAMPED)
+"""1/s, at which a rod's static deflection is looked at: hands move it, and overdamped it would follow them otherwise.
+With 1 and 20 alone a cable that met a drag was taken for one 10 times as stiff, and one of early hands for 65 times."""
 
 DAMPING_RATIO = 0.02
 """First guess of how a rod's first mode between two clamps is damped."""
 
-NATURAL_TURN = 0.1
-"""Rad by which a rod turns from one end to the other by nature: first step."""
+CURVATURE_STEP = 0.1
+"""Intrinsic curvature times the length of a rod: first step of a fit."""
 
-BEND_STEP = 0.2
-"""The same of a diagnosis: a step."""
+DIAGNOSED_CURVATURE_STEP = 0.2
+"""The same: step of a diagnosis."""
 
 FIRST_MODE = 22.4
 """Rate in rad/s of that mode, of a rod of 1 m and 1 m^4/s^2 (Rao, Mechanical Vibrations, sec. 8.5)."""
@@ -66,24 +66,24 @@ def rod_body(seen: SeenMarkers, template: Template | None) -> MarkerBody | None:
     if along is None:
         return None
     length = along.length if along.has_far_clamp or template is None else max(along.length, template.length)
-    reaches, clamped = rod_nodes(along, len(held), length)
-    begin = held[int(np.abs(along.reaches[: len(held)]).argmin())]
+    arc_lengths, clamped = rod_nodes(along, len(held), length)
+    begin = held[int(np.abs(along.arc_lengths[: len(held)]).argmin())]
     axis = tracks[-1] - held[0]
     axis /= np.linalg.norm(axis)
-    nodes = begin + reaches[:, None] * axis
-    section = SECTION_M2 if template is None else float(np.prod(template.size[1:]))
+    nodes = begin + arc_lengths[:, None] * axis
+    cross_section = CROSS_SECTION_M2 if template is None else float(np.prod(template.size[1:]))
     return MarkerBody(
         kind=NAME,
         graph=SpringGraph(
             positions=nodes.astype(np.float32),
             springs=chain(len(nodes)),
             kinds=np.full(len(nodes) - 1, SpringKind.STRUCTURAL, np.uint8),
-            rest_lengths=np.diff(reaches).astype(np.float32),
+            rest_lengths=np.diff(arc_lengths).astype(np.float32),
             surface=np.ones(len(nodes), bool),
         ),
-        grasp=np.concatenate([begin + along.reaches[:, None] * axis, nodes[clamped]]).astype(np.float32),
+        grasp=np.concatenate([begin + along.arc_lengths[:, None] * axis, nodes[clamped]]).astype(np.float32),
         spacing=length / PIECES,
-        volume=section * float(np.ptp(reaches)),
+        volume=cross_section * float(np.ptp(arc_lengths)),
         length=length,
         is_size_known=template is not None,
         notes=(
@@ -94,8 +94,8 @@ def rod_body(seen: SeenMarkers, template: Template | None) -> MarkerBody | None:
 
 
 def unknowns(body: MarkerBody, known: int, density: float) -> Unknowns:
-    """Flexural rigidity over mass per length, m^4/s^2, and damping ratio of the first mode between two clamps; and how
-    the rod is bent by nature, 1/m to its level left and up.
+    """Flexural rigidity over mass per length, m^4/s^2, and damping ratio of the first mode between two clamps; and
+    the rod's intrinsic curvature, 1/m to its level left and up.
 
     How a rod points is told by the curve that it is seen on. If hands move it, it swings whatever its drag is.
     """
@@ -106,13 +106,17 @@ def unknowns(body: MarkerBody, known: int, density: float) -> Unknowns:
         time = retardation_of(rigidity, body.length, ratio)
         drag, level, up = (float(number) for number in numbers[2:])
         rod = rod_model(body, density=density, rigidity=rigidity, retardation_time=time, drag=drag)
-        return body, replace(rod, parameters=replace(rod.parameters, natural_bend_level=level, natural_bend_up=up))
+        return body, replace(
+            rod, parameters=replace(rod.parameters, intrinsic_curvature_level=level, intrinsic_curvature_up=up)
+        )
 
     return Unknowns(
-        steps=np.array([0.1, 0.7, 0.3, *[NATURAL_TURN / body.length] * 2]),
+        steps=np.array([0.1, 0.7, 0.3, *[CURVATURE_STEP / body.length] * 2]),
         low=np.array([-np.inf, -np.inf, 0.0, -np.inf, -np.inf]),
-        sags=np.array([[each, np.log(DAMPING_RATIO), drag, 0.0, 0.0] for drag, each in product(DRAGS, rigidities)]),
-        swing=np.full(5, np.nan),
+        static_deflection=np.array(
+            [[each, np.log(DAMPING_RATIO), drag, 0.0, 0.0] for drag, each in product(DRAGS, rigidities)]
+        ),
+        ring_down=np.full(5, np.nan),
         model=model,
     )
 
@@ -177,7 +181,7 @@ def place(model: ObjectModel, grasp: np.ndarray, seen: SeenMarkers, load: float)
     if not np.allclose(nodes[bound], grasp[count:known], atol=OWN_MARKERS):
         return None
     recorded, clamped = grasp[:known].astype(np.float64), grasp[known:].astype(np.float64)
-    # What is bent along a line passes every small turn of a clamp on.
+    # What is bent along a line passes every small rotation of a clamp on.
     bend = bend_to(recorded, np.concatenate([seen.smoothed[0], seen.places[count:]]), seen.velocities)
     return PlacedMarkers(
         start=bend.place(nodes),
@@ -191,7 +195,7 @@ def place(model: ObjectModel, grasp: np.ndarray, seen: SeenMarkers, load: float)
 
 
 def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:
-    """How it resists bending, how it is damped and how it is bent by nature; it hardly stretches, and its clamps do not
+    """How it resists bending, how it is damped and its intrinsic curvature; it hardly stretches, and its clamps do not
     give way."""
     length = float(model.graph.rest_lengths.sum())
     # A rod of these rigidities bends under its own weight within 1 % of its length, and within all of it.
@@ -203,7 +207,7 @@ def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:
         fitted("flexural_rigidity", low, high, 0.1, unit="N m^2", logarithmic=True),
         fitted("retardation_time", min(1e-5, longest / 2.0), longest, 0.5, unit="s", logarithmic=True),
         fitted("drag", 0.0, 20.0, 0.2, unit="1/s"),
-        *(fitted(name, -most, most, BEND_STEP / length, unit="1/m") for name in NATURAL_BEND),
+        *(fitted(name, -most, most, DIAGNOSED_CURVATURE_STEP / length, unit="1/m") for name in INTRINSIC_CURVATURE),
     )
 
 

@@ -11,14 +11,14 @@ from scipy.interpolate import CubicSpline
 from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 from scipy.spatial import distance_matrix
 
-from egophys_core.geometry import least_rotation
+from egophys_core.geometry import smallest_rotation
 from egophys_core.twin import GRAVITY
 
 FEWEST_STATIONS = 4
 """Clamps and markers along a rod: fewer tell no curve."""
 
 ALIGNED = 0.7
-"""Cosine between the line of held points of a clamp and the way to the nearest marker, from which they lie on it."""
+"""Cosine between the line of a clamp's held points and the chord to the nearest marker, from which they lie on it."""
 
 FLAT = 0.2
 """Width over length of a clamp's held points up to which they lie on a line."""
@@ -43,7 +43,7 @@ FINE = 20
 class Chain:
     """Held points and markers along a rod, in their order."""
 
-    reaches: np.ndarray
+    arc_lengths: np.ndarray
     """[C + P] metres of each held point, then of each marker, along the rod from where it is free on."""
     length: float
     """Metres from there to the second clamp, or to the last marker."""
@@ -68,19 +68,19 @@ def find_chain(held: np.ndarray, clamps: list[np.ndarray], tracks: np.ndarray) -
     ends = (np.sum(owner == 0), len(order) - np.sum(owner == 1))
     if not ((owner[order[: ends[0]]] == 0).all() and (owner[order[ends[0] : ends[1]]] == -1).all()):
         return None
-    ways = np.diff(places[order], axis=0)
-    if (np.einsum("si,si->s", ways[1:], ways[:-1]) <= 0.0).any():
+    chords = np.diff(places[order], axis=0)
+    if (np.einsum("si,si->s", chords[1:], chords[:-1]) <= 0.0).any():
         return None
-    reaches = np.zeros(len(places))
-    reaches[order] = _arc_lengths(places[order])
-    reaches -= reaches[order[ends[0] - 1]]
+    arc_lengths = np.zeros(len(places))
+    arc_lengths[order] = _arc_lengths(places[order])
+    arc_lengths -= arc_lengths[order[ends[0] - 1]]
     of_held = np.zeros(len(held))
-    for group, reach in zip(groups, reaches, strict=False):
-        of_held[group] = reach
+    for group, arc_length in zip(groups, arc_lengths, strict=False):
+        of_held[group] = arc_length
     far = len(clamps) == 2
     return Chain(
-        reaches=np.concatenate([of_held, reaches[len(groups) :]]),
-        length=float(reaches[order[ends[1]]] if far else reaches[order[-1]]),
+        arc_lengths=np.concatenate([of_held, arc_lengths[len(groups) :]]),
+        length=float(arc_lengths[order[ends[1]]] if far else arc_lengths[order[-1]]),
         has_far_clamp=far,
     )
 
@@ -100,11 +100,11 @@ def rod_nodes(chain: Chain, held: int, length: float) -> tuple[np.ndarray, np.nd
         length: metres that are free.
 
     Returns:
-        [N] reaches in metres, and [N] whether a clamp holds the node.
+        [N] arc lengths in metres from where the rod is free on, and [N] whether a clamp holds the node.
     """
     piece = length / PIECES
     clamped = np.array([-piece, 0.0, *([length, length + piece] if chain.has_far_clamp else [])])
-    stops = np.concatenate([clamped, chain.reaches[held:], [] if chain.has_far_clamp else [length]])
+    stops = np.concatenate([clamped, chain.arc_lengths[held:], [] if chain.has_far_clamp else [length]])
     order = np.argsort(stops)
     station = np.cumsum(np.diff(stops[order], prepend=-np.inf) > SHORTEST_PIECE * piece) - 1
     stations = np.bincount(station, stops[order]) / np.bincount(station)
@@ -124,27 +124,27 @@ class Bend:
     along: np.ndarray
     """[3] the axis."""
     curve: CubicSpline
-    """Places in metres by the reach along the axis from the origin."""
+    """Places in metres by the arc length from the origin: the distance along the axis of the straight rod."""
     motion: CubicSpline
     """Their velocities in m/s."""
     ends: tuple[float, float]
-    """Metres, the reaches of the outermost recorded points; beyond them the rod is straight."""
+    """Metres, the arc lengths of the outermost recorded points; beyond them the rod is straight."""
 
     def place(self, points: np.ndarray) -> np.ndarray:
-        """[N, 3] where points [N, 3] of the straight rod are; sections stay plane and do not twist (Bishop, Amer. Math.
-        Monthly 82 (1975) 246)."""
+        """[N, 3] where points [N, 3] of the straight rod are: plane cross-sections go by parallel transport, without
+        twist (Bishop, Amer. Math. Monthly 82 (1975) 246)."""
         beside = points - self.origin
-        reaches = beside @ self.along
-        across = beside - reaches[:, None] * self.along
+        arc_lengths = beside @ self.along
+        across = beside - arc_lengths[:, None] * self.along
         placed = np.empty_like(points)
-        turn, before = np.eye(3), self.along
-        for reach in np.unique(np.concatenate([reaches, np.linspace(*self.ends, FINE)])):
-            inside = float(np.clip(reach, *self.ends))
+        transport, before = np.eye(3), self.along
+        for arc_length in np.unique(np.concatenate([arc_lengths, np.linspace(*self.ends, FINE)])):
+            inside = float(np.clip(arc_length, *self.ends))
             tangent = self.curve(inside, 1)
             tangent /= np.linalg.norm(tangent)
-            turn, before = least_rotation(before, tangent) @ turn, tangent
-            here = reaches == reach
-            placed[here] = self.curve(inside) + (reach - inside) * tangent + across[here] @ turn.T
+            transport, before = smallest_rotation(before, tangent) @ transport, tangent
+            here = arc_lengths == arc_length
+            placed[here] = self.curve(inside) + (arc_length - inside) * tangent + across[here] @ transport.T
         return placed
 
     def velocities(self, points: np.ndarray) -> np.ndarray:
@@ -157,18 +157,18 @@ def bend_to(recorded: np.ndarray, seen: np.ndarray, moving: np.ndarray) -> Bend:
     straight rod."""
     origin, along = recorded[0], np.linalg.svd(recorded - recorded.mean(axis=0))[2][0]
     rounded = np.round((recorded - origin) @ along, 6)
-    reaches, station = np.unique(rounded, return_inverse=True)
+    arc_lengths, station = np.unique(rounded, return_inverse=True)
 
     def through(values: np.ndarray) -> CubicSpline:
-        means = [values[station == index].mean(axis=0) for index in range(len(reaches))]
-        return CubicSpline(reaches, means, bc_type="natural")
+        means = [values[station == index].mean(axis=0) for index in range(len(arc_lengths))]
+        return CubicSpline(arc_lengths, means, bc_type="natural")
 
     return Bend(
         origin=origin,
         along=along,
         curve=through(seen),
         motion=through(moving),
-        ends=(float(reaches[0]), float(reaches[-1])),
+        ends=(float(arc_lengths[0]), float(arc_lengths[-1])),
     )
 
 
@@ -186,10 +186,11 @@ def longest_retardation(rigidity: float, lengths: np.ndarray, masses: np.ndarray
 def fastest_bending(lengths: np.ndarray, masses: np.ndarray) -> float:
     """Largest omega^2 in 1/s^2 of a rod of 1 N m^2, lengths [N - 1] and masses [N]."""
     h = lengths.astype(np.float64)
-    turns = np.zeros((len(h) - 1, len(masses)))
-    rows = np.arange(len(turns))
-    turns[rows, rows], turns[rows, rows + 1], turns[rows, rows + 2] = 1 / h[:-1], -1 / h[:-1] - 1 / h[1:], 1 / h[1:]
-    scaled = turns * np.sqrt(2.0 / (h[:-1] + h[1:]))[:, None] / np.sqrt(masses)
+    curvatures = np.zeros((len(h) - 1, len(masses)))
+    rows = np.arange(len(curvatures))
+    curvatures[rows, rows], curvatures[rows, rows + 1] = 1 / h[:-1], -1 / h[:-1] - 1 / h[1:]
+    curvatures[rows, rows + 2] = 1 / h[1:]
+    scaled = curvatures * np.sqrt(2.0 / (h[:-1] + h[1:]))[:, None] / np.sqrt(masses)
     return float(np.linalg.norm(scaled, 2) ** 2)
 
 
@@ -197,8 +198,8 @@ def _stations(held: np.ndarray, clamp: np.ndarray, tracks: np.ndarray) -> list[n
     """The held points [C, 3] of a clamp in groups of one place on the rod each: all together, or each its own."""
     points, centre = held[clamp], held[clamp].mean(axis=0)
     sizes, (axis, *_) = np.linalg.svd(points - centre, full_matrices=False)[1:]
-    way = tracks[np.linalg.norm(tracks - centre, axis=1).argmin()] - centre
-    on_it = len(points) > 1 and abs(axis @ way) > ALIGNED * np.linalg.norm(way) and sizes[1] <= FLAT * sizes[0]
+    towards = tracks[np.linalg.norm(tracks - centre, axis=1).argmin()] - centre
+    on_it = len(points) > 1 and abs(axis @ towards) > ALIGNED * np.linalg.norm(towards) and sizes[1] <= FLAT * sizes[0]
     return [np.array([each]) for each in clamp] if on_it else [clamp]
 
 
@@ -216,5 +217,5 @@ def _arc_lengths(places: np.ndarray) -> np.ndarray:
     """[S] metres from the first of places [S, 3] along the spline through them."""
     chords = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
     fine = np.interp(np.arange((len(places) - 1) * FINE + 1) / FINE, np.arange(len(places)), chords)
-    ways = np.linalg.norm(np.diff(CubicSpline(chords, places, bc_type="natural")(fine), axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(ways)])[::FINE]
+    steps = np.linalg.norm(np.diff(CubicSpline(chords, places, bc_type="natural")(fine), axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps)])[::FINE]

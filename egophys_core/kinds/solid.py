@@ -17,7 +17,7 @@ from egophys_core.kinds.spring_body import (
 from egophys_core.kinds.surface_faces import faces_of_body
 from egophys_core.kinds.unseen_side import inside_of
 from egophys_core.twin import GRAVITY, ObjectModel
-from egophys_core.twin.statics import without_sag
+from egophys_core.twin.statics import with_weight_carried
 
 NAME = "solid"
 
@@ -55,7 +55,7 @@ def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:
     """Its springs, its drag, and how much it weighs.
 
     A grip that is soft enough to turn in is too soft to carry: all toys sag too much in their twins. What a toy weighs,
-    how stiff it is and how firmly it is held are one thing there: its sag is evidence for nothing.
+    how stiff it is and how firmly it is held are one thing there: its static deflection is evidence for nothing.
     """
     return (
         *fitted_of_springs(model, most_damping=MOST_DAMPING),
@@ -66,13 +66,13 @@ def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:
 
 def carrying_itself(model: ObjectModel) -> ObjectModel:
     """The solid with springs that carry its weight where it lies."""
-    return without_sag(model, equal_masses(model.graph, model.parameters.total_mass))
+    return with_weight_carried(model, equal_masses(model.graph, model.parameters.total_mass))
 
 
 KIND = Kind(
     name=NAME,
     from_surface=FromSurface(recognises=anything, searched=SEARCHED, model=model_of, inside=inside_of),
-    sag_is_evidence=False,
+    static_deflection_is_evidence=False,
     fitted=fitted_parameters,
     otherwise_at_rest=lambda model: [carrying_itself(model)],
     variants=lambda model: [carrying_itself(each) for each in spring_variants(model, SIZES)],

@@ -10,7 +10,7 @@ GAP = 0.15
 """Metres within which held points may belong to one clamp."""
 
 RIGID = 0.01
-"""Metres by which the way between two points of one clamp changes at most."""
+"""Metres by which the distance between two points of one clamp changes at most."""
 
 STILL = 0.002
 """Metres: held points that never move farther belong to a clamp that stands still; markers slip in their glue."""
@@ -24,8 +24,8 @@ def clamp_groups(held: np.ndarray) -> list[np.ndarray]:
     label = np.full(held.shape[1], -1)
     for seed in range(held.shape[1]):
         if label[seed] < 0:
-            ways = np.linalg.norm(held - held[:, seed : seed + 1], axis=2)
-            one_piece = (ways[0] < GAP) & (np.ptp(ways, axis=0) < RIGID)
+            distances = np.linalg.norm(held - held[:, seed : seed + 1], axis=2)
+            one_piece = (distances[0] < GAP) & (np.ptp(distances, axis=0) < RIGID)
             label[one_piece & (label < 0)] = label.max() + 1
     return [np.flatnonzero(label == clamp) for clamp in range(label.max() + 1)]
 

@@ -25,7 +25,7 @@ PULLED = 0.03
 """Metres: a hand that draws points this far that are not ahead of it holds them. A squeezed toy springs back less."""
 
 AHEAD = 0.2
-"""Mean cosine between the hand's way and the directions to points, above which they are ahead and may be pushed."""
+"""Mean cosine between the hand's displacement and the directions to points: above it they are ahead, may be pushed."""
 
 STILL = 0.04
 """m/s: a hand that moves no faster than this against the points near it has arrived, or slips without letting go."""
@@ -37,7 +37,7 @@ PATIENCE_S = 0.1
 """Noise and hidden points may make a hand that stays look as if it moved away, but not for longer than this."""
 
 TOUCHED = 0.2
-"""Part of the hand's way that points of a soft object come along when the hand begins to move them."""
+"""Part of the hand's displacement by which points of a soft object come along when the hand begins to move them."""
 
 SEPARATED = 0.01
 """Metres that a pressing hand moves off the surface before it touches no more."""
@@ -153,7 +153,7 @@ class _Onset:
     sure: int
     """Frame in which they have done so for `MOVED` metres."""
     pushed: float
-    """Metres of that way in which they were ahead of the hand."""
+    """Metres of these in which they were ahead of the hand."""
 
 
 def _next_onset(scene: HandScene, start: int) -> _Onset | None:

@@ -1,10 +1,10 @@
-"""How markers move when a record begins: a record may be cut from a longer one, amid a swing."""
+"""How markers move when a record begins: a record may be cut from a longer one, amid a motion."""
 
 import numpy as np
 
 WITHIN_S, FEWEST, DEGREE = 0.08, 6, 3
 """Seconds from the first frame on, at least so many frames, and the degree of the polynomials through them. A parabola
-misses a swing's speed by 0.1 m/s, which costs a cable's markers 3 mm; through 5 frames a cubic passes noise on."""
+is off by 0.1 m/s in an oscillation, which costs a cable's markers 3 mm; through 5 frames a cubic passes noise on."""
 
 
 def first_motion(places: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from egophys_core.episode import Episode
 
-REACH = 0.04
+NEAR_HAND = 0.04
 """Metres: object points this near to one of a hand's points tell whether the object moves with the hand."""
 
 STEP = 0.01
@@ -24,7 +24,7 @@ LARGEST_DELAY_S = 0.2
 """Object points that lag more than this behind the hand are not late but slow."""
 
 DELAY_GAIN = 0.8
-"""Points count as late if, moved earlier, they miss the hand's motion by less than this share of before."""
+"""Points count as late if, moved earlier, their residuals to the hand's motion are less than this share of before."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,7 +32,7 @@ class Along:
     """How points moved while the hand made a step."""
 
     share: float
-    """-1 (stayed or went against it) .. 1 (came along all the way); 0 for half of the way."""
+    """-1 (stayed or went against it) .. 1 (came along in full); 0 for half of the step."""
     rigidly: bool
     """Whether they also kept their distance to the hand, to half of the step."""
     ahead: float
@@ -52,7 +52,7 @@ class HandScene:
     last_seen: np.ndarray
     """[T, N, 3] metres: where a point is or, if it is not seen, was last; NaN before it is first seen."""
     near: np.ndarray
-    """[T, N] bool: seen, and within `REACH` of one of the hand's points."""
+    """[T, N] bool: seen, and within `NEAR_HAND` of one of the hand's points."""
     gap: np.ndarray
     """[T] metres: mean distance of the hand's points to the nearest object point seen; as before if none is."""
     step: np.ndarray
@@ -156,15 +156,15 @@ def observed_delay(scenes: Sequence[HandScene], holding: Sequence[np.ndarray]) -
         return 0
     longest = round(LARGEST_DELAY_S / float(np.median(scenes[0].seconds)))
     pairs = zip(scenes, holding, strict=True)
-    missed = np.sum([_missed(scene, np.flatnonzero(frames), longest) for scene, frames in pairs], axis=0)
-    best = int(np.argmin(missed))
-    return best if missed[best] < DELAY_GAIN * missed[0] else 0
+    residuals = np.sum([_delay_residuals(scene, np.flatnonzero(frames), longest) for scene, frames in pairs], axis=0)
+    best = int(np.argmin(residuals))
+    return best if residuals[best] < DELAY_GAIN * residuals[0] else 0
 
 
-def _missed(scene: HandScene, frames: np.ndarray, longest: int) -> np.ndarray:
-    """[longest + 1] metres by which points near a hand missed its motion, were they recorded so many frames late."""
+def _delay_residuals(scene: HandScene, frames: np.ndarray, longest: int) -> np.ndarray:
+    """[longest + 1] metres: residuals of points near a hand to its motion, were they recorded so many frames late."""
     late = np.arange(longest + 1)
-    missed = np.zeros(longest + 1)
+    residuals = np.zeros(longest + 1)
     for frame in frames[scene.travel[frames] > 0]:
         before, after = scene.step[frame]
         if after + longest >= scene.frames:
@@ -174,8 +174,8 @@ def _missed(scene: HandScene, frames: np.ndarray, longest: int) -> np.ndarray:
         if seen.any(axis=1).all():
             step = scene.hand[after] - scene.hand[before]
             error = np.array([each[here].mean(axis=0) for each, here in zip(moved, seen, strict=True)]) - step
-            missed += scene.travel[frame] * np.linalg.norm(error, axis=1) / np.linalg.norm(step)
-    return missed
+            residuals += scene.travel[frame] * np.linalg.norm(error, axis=1) / np.linalg.norm(step)
+    return residuals
 
 
 def _nearness(fingers: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -187,7 +187,7 @@ def _nearness(fingers: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.n
             last_seen[frame, ~visible] = last_seen[frame - 1, ~visible]
             gap[frame] = gap[frame - 1]
         if visible.any():
-            near[frame, visible] = cKDTree(hand).query(points[frame, visible])[0] < REACH
+            near[frame, visible] = cKDTree(hand).query(points[frame, visible])[0] < NEAR_HAND
             gap[frame] = cKDTree(points[frame, visible]).query(hand)[0].mean()
     return last_seen, near, gap
 

@@ -96,19 +96,23 @@ def find_onset(episode: Episode) -> Onset:
     """The first turning point of what is let go at the start, or the start itself.
 
     How a hand lets go, and a load that is slack at first, takes some hundredths of a second that no model knows. Where
-    the swing turns for the first time speeds are 0 and markers are seen: a parabola through three frames gives both.
+    the ring-down first turns back speeds are 0 and markers are seen: a parabola through three frames gives both.
     """
     points, times = episode.points.astype(np.float64), episode.times
-    way = np.linalg.norm(np.nanmean(points - points[0], axis=1), axis=1)
-    gone = int(np.argmax(way > RELEASED_M))
+    displacement = np.linalg.norm(np.nanmean(points - points[0], axis=1), axis=1)
+    gone = int(np.argmax(displacement > RELEASED_M))
     start = Onset(frame=0, time=0.0, markers=points[0])
     if gone == 0 or times[gone] > RELEASED_WITHIN or not stands_still(episode.controllers):
         return start
-    turns = [frame for frame in range(gone, episode.frames - 1) if way[frame - 1] < way[frame] >= way[frame + 1]]
+    turns = [
+        frame
+        for frame in range(gone, episode.frames - 1)
+        if displacement[frame - 1] < displacement[frame] >= displacement[frame + 1]
+    ]
     if not turns or not np.isfinite(points[turns[0] - 1 : turns[0] + 2]).all():
         return start
     around = slice(turns[0] - 1, turns[0] + 2)
-    curve = np.polyfit(times[around] - times[turns[0]], way[around], 2)
+    curve = np.polyfit(times[around] - times[turns[0]], displacement[around], 2)
     turn = float(times[turns[0]] - curve[1] / (2.0 * curve[0])) if curve[0] < 0 else float(times[turns[0]])
     each = np.polyfit(times[around] - turn, points[around].reshape(3, -1), 2)
     return Onset(frame=int(np.searchsorted(times, turn, side="right")) - 1, time=turn, markers=each[2].reshape(-1, 3))

@@ -13,7 +13,7 @@ from egophys_core.twin import ObjectModel, Twin
 
 
 def place_twin(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> FitProblem:
-    """The twin where an episode shows its object. A record of markers begins where their swing first turns.
+    """The twin where an episode shows its object. A record of markers begins where their ring-down first turns back.
 
     Args:
         load: N, the weight of what hangs at the free end of an object with markers.

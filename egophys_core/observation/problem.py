@@ -9,7 +9,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.evaluation import bind_tracks, split_frames
 from egophys_core.observation.contact import Hand
-from egophys_core.observation.hand_scene import REACH
+from egophys_core.observation.hand_scene import NEAR_HAND
 from egophys_core.observation.observed import AnyEpisode, observe_episode
 from egophys_core.observation.registration import place, placed
 from egophys_core.simulation import Controls
@@ -85,7 +85,7 @@ def prepare(episode: AnyEpisode, positions: np.ndarray, surface: np.ndarray, *, 
     split_frames(episode)
     if not any(hand.touches for hand in hands):
         raise EpisodeError(
-            f"{episode.name}: no hand moves the object (no points within {REACH} m of one come along with it); "
+            f"{episode.name}: no hand moves the object (no points within {NEAR_HAND} m of one come along with it); "
             "check that object and controller points are in the same frame and unit"
         )
     resting = observed.at_rest

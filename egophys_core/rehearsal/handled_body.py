@@ -54,7 +54,7 @@ class HandledBody:
         self._last_hands: np.ndarray | None = None
         self._engine.set_gravity(gravity_with(self.effects))
         if "uneven_mass" in self.effects:
-            self._engine.set_masses(lumped(body.vertices, self._engine.masses, self.effects["uneven_mass"]))
+            self._engine.set_masses(with_added_mass(body.vertices, self._engine.masses, self.effects["uneven_mass"]))
         self._masses = self._engine.masses.copy()
         self._needs_pressures = bool(self.effects.keys() & FRICTIONS.keys())
         self._terms = injected_terms(self.effects, body, self._engine)
@@ -159,13 +159,13 @@ def gravity_with(effects: Effects) -> np.ndarray:
     return np.asarray(turn.apply([0.0, 0.0, -size]))
 
 
-def lumped(resting: np.ndarray, masses: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
-    """Masses [V] with a lump of a share of their sum more, about a place relative to the centre of the resting body.
+def with_added_mass(resting: np.ndarray, masses: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+    """Masses [V] with a share of their sum added, about a place relative to the centre of the resting body.
 
     An even ball whose standard deviation along an axis is the radius; the nearest vertex where that is in none. The
     body becomes heavier by it: a twin, of which motion tells forces per mass only, has softer springs instead.
     """
     centre = (resting.min(axis=0) + resting.max(axis=0)) / 2.0
     distances = np.linalg.norm(resting - centre - (values["x"], values["y"], values["z"]), axis=1)
-    lump = distances <= max(np.sqrt(5.0) * values["radius"], distances.min())
-    return masses + lump * (values["fraction"] * masses.sum() / lump.sum())
+    added = distances <= max(np.sqrt(5.0) * values["radius"], distances.min())
+    return masses + added * (values["fraction"] * masses.sum() / added.sum())

@@ -99,7 +99,7 @@ INJECTABLE: dict[str, InjectableEffect] = {
         "mu(v) = mu (1 + rise exp(-(v / speed)^2))", rise=("1", 0.6, 2.0), speed=("m/s", 0.03, 0.03)
     ),
     "uneven_mass": _effect(
-        "a lump of fraction times the object's mass about (x, y, z) from the centre of the resting object",
+        "added mass of fraction times the object's about (x, y, z) from the centre of the resting object",
         x=("m", -0.05, -0.05),
         y=("m", 0.02, 0.02),
         z=("m", -0.022, -0.022),

@@ -80,8 +80,8 @@ def attach(
     held = (distances <= radius) & (rank < max_neighbours)
     lacking = held.sum(axis=1) < FEWEST_NEIGHBOURS
     if flat or not held.any():
-        reach = distances <= max(2.5 * radius, LEAST_CUTOFF)
-        held |= lacking[:, None] & reach & (rank < min(FEWEST_NEIGHBOURS, max_neighbours))
+        near = distances <= max(2.5 * radius, LEAST_CUTOFF)
+        held |= lacking[:, None] & near & (rank < min(FEWEST_NEIGHBOURS, max_neighbours))
     row, node = np.nonzero(held)
     return Attachments(
         nodes=node.astype(np.int32),

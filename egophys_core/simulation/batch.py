@@ -42,8 +42,8 @@ class Rods:
     """[K] GJ, N m^2."""
     far_clamps: np.ndarray
     """[K] bool: whether a clamp holds the last node."""
-    bends: np.ndarray
-    """[K, 3] 1/m, the natural bend on the straight rod."""
+    curvatures: np.ndarray
+    """[K, 3] 1/m, the intrinsic curvature on the straight rod."""
     axes: np.ndarray
     """[K, 3] from the first node to the last at the start, of length 1."""
     lengths: np.ndarray

@@ -31,8 +31,8 @@ from egophys_core.simulation.frames import into_record, into_world_directions
 from egophys_core.simulation.integrator import FASTEST
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, largest_eigenvalues, stable_substeps
 from egophys_core.simulation.substep import FrameInputs
+from egophys_core.simulation.terms.material_frames import settle_material_frames
 from egophys_core.simulation.terms.rod_bending import rod_arrays
-from egophys_core.simulation.terms.rod_sections import settle_sections
 from egophys_core.simulation.terms.springs import SpringArrays
 
 MOST_SUBSTEPS = 5000
@@ -131,7 +131,9 @@ class Engine:
         if self.batch.nudging is not None:
             self._nudge(float(self.times[frame]))
         if self.batch.rods is not None:
-            wp.launch(settle_sections, self.groups, inputs=[self.nodes, self.state, self.rods], device=self.device)
+            wp.launch(
+                settle_material_frames, self.groups, inputs=[self.nodes, self.state, self.rods], device=self.device
+            )
         frames = np.full(self.batch.count, frame)
         self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
         self._record_divergence(frame, segment)

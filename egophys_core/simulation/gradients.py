@@ -82,7 +82,9 @@ def differentiate(
     if batch.nudging is not None:
         raise SimulationError("nudged rollouts have no derivatives; differentiate the batch without nudging")
     if batch.rods is not None:
-        raise SimulationError("rods have no derivatives: how their sections turn is not on the tape; use differences")
+        raise SimulationError(
+            "rods have no derivatives: how their material frames turn is not on the tape; use differences"
+        )
     engine = Engine(batch, device)
     states: list[tuple[np.ndarray, ...]] = []
 

@@ -21,9 +21,9 @@ from egophys_core.simulation.integrator import clear, drift, find_divergence, ki
 from egophys_core.simulation.terms.body_forces import add_body_forces
 from egophys_core.simulation.terms.controllers import ControllerArrays, move_controllers
 from egophys_core.simulation.terms.effects import NO_LAW, SEVERAL_LAWS, EffectArrays, EffectTerms
+from egophys_core.simulation.terms.material_frames import RodArrays
 from egophys_core.simulation.terms.nudging import NudgingArrays, add_nudging
 from egophys_core.simulation.terms.rod_bending import add_bending_forces
-from egophys_core.simulation.terms.rod_sections import RodArrays
 from egophys_core.simulation.terms.spring_laws import lawful_springs
 from egophys_core.simulation.terms.springs import SpringArrays, add_grip_forces, add_spring_forces
 

@@ -21,8 +21,8 @@ from egophys_core.simulation.integrator import drift, find_divergence, kick
 from egophys_core.simulation.step import add_held_forces, force_sum, has_begun
 from egophys_core.simulation.terms.controllers import ControllerArrays, move_controllers
 from egophys_core.simulation.terms.effects import NO_LAW, EffectArrays, EffectTerms
+from egophys_core.simulation.terms.material_frames import RodArrays
 from egophys_core.simulation.terms.nudging import NudgingArrays
-from egophys_core.simulation.terms.rod_sections import RodArrays
 from egophys_core.simulation.terms.spring_adjoint import adj_add_spring_forces as adj_add_spring_forces
 from egophys_core.simulation.terms.spring_laws import lawful_springs
 from egophys_core.simulation.terms.springs import SpringArrays

@@ -1,15 +1,21 @@
 """PhysicalParameters: the numbers a twin has besides its graph."""
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from egophys_core.constants import GRAVITY
 from egophys_core.errors import TwinError
 
-NATURAL_BEND = ("natural_bend_level", "natural_bend_up")
+INTRINSIC_CURVATURE = ("intrinsic_curvature_level", "intrinsic_curvature_up")
 """Parameters of a rod, which alone may be negative."""
+
+FORMER_NAMES = {"intrinsic_curvature_level": "natural_bend_level", "intrinsic_curvature_up": "natural_bend_up"}
+"""What parameters were called in earlier twin files, and are called still where a twin's id is made: logs name twins by
+their ids."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,9 +46,9 @@ class PhysicalParameters:
     """Of a rod: bending moment over curvature, N m^2 (E I)."""
     retardation_time: float = 0.0
     """Of a rod, seconds: a moment of this times the flexural rigidity times the rate of curvature damps its bending."""
-    natural_bend_level: float = 0.0
-    """Of a rod, 1/m: how much it is bent when nothing acts on it, to its level left (`level_axes`)."""
-    natural_bend_up: float = 0.0
+    intrinsic_curvature_level: float = 0.0
+    """Of a rod, 1/m: its curvature when nothing acts on it, to its level left (`level_axes`)."""
+    intrinsic_curvature_up: float = 0.0
     """The same, to above."""
     restitution: float = 0.0
     """Share of the normal speed kept in a bounce off the table, 0..1."""
@@ -72,7 +78,7 @@ class PhysicalParameters:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if not np.isfinite(value) or (value < 0 and field.name not in NATURAL_BEND):
+            if not np.isfinite(value) or (value < 0 and field.name not in INTRINSIC_CURVATURE):
                 raise TwinError(f"{field.name} must be finite and not negative, got {value}")
         for name in ("total_mass", "stiffness", "controller_radius"):
             if getattr(self, name) == 0:
@@ -80,3 +86,14 @@ class PhysicalParameters:
         for name in ("compression_ratio", "restitution", "ground_projection", "collision_restitution"):
             if getattr(self, name) > 1:
                 raise TwinError(f"{name} must be in 0..1, got {getattr(self, name)}")
+
+
+def with_former_names(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters by the names that they had first."""
+    return {FORMER_NAMES.get(name, name): value for name, value in values.items()}
+
+
+def with_present_names(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of a twin file, of whatever age, by their names of now."""
+    present = {former: name for name, former in FORMER_NAMES.items()}
+    return {present.get(name, name): value for name, value in values.items()}

@@ -45,7 +45,7 @@ def stiffness_matrix(positions: np.ndarray, springs: np.ndarray, stiffness: np.n
     return coo_matrix(entries, shape=(size, size)).tocsc()
 
 
-def without_sag(model: ObjectModel, masses: np.ndarray) -> ObjectModel:
+def with_weight_carried(model: ObjectModel, masses: np.ndarray) -> ObjectModel:
     """The model with springs that carry its weight where it lies: it was seen under gravity, and would sag once more.
 
     The elongations e of the linear problem K u = f, with f the weight and the foot held, are those that carry it; rest

@@ -13,7 +13,7 @@ from egophys_core.errors import TwinError
 from egophys_core.files import write_atomically
 from egophys_core.twin.graph import SpringGraph
 from egophys_core.twin.model import ObjectModel
-from egophys_core.twin.parameters import PhysicalParameters
+from egophys_core.twin.parameters import PhysicalParameters, with_present_names
 from egophys_core.twin.twin import Provenance, Twin
 
 FORMAT_VERSION = 2
@@ -54,7 +54,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
             model=ObjectModel(
                 kind=str(header["kind"]),
                 graph=SpringGraph(**arrays),
-                parameters=PhysicalParameters(**header["parameters"]),
+                parameters=PhysicalParameters(**with_present_names(header["parameters"])),
                 stiffness=stiffness,
                 effects=tuple(_effect(each) for each in header.get("effects", [])),
             ),

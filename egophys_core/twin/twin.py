@@ -11,6 +11,7 @@ import numpy as np
 from egophys_core.errors import TwinError
 from egophys_core.twin.graph import SpringGraph
 from egophys_core.twin.model import ObjectModel
+from egophys_core.twin.parameters import with_former_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,11 +48,16 @@ class Twin:
 
     @cached_property
     def twin_id(self) -> str:
-        """First 16 hexadecimal digits of the SHA-256 of all that the twin is; equal twins have equal ids."""
+        """First 16 hexadecimal digits of the SHA-256 of all that the twin is; equal twins have equal ids.
+
+        Parameters go in by the names that they had first, so a twin keeps the id by which earlier logs name it.
+        """
         digest = hashlib.sha256()
         for array in self.arrays().values():
             digest.update(np.ascontiguousarray(array).tobytes())
-        digest.update(json.dumps(self.header(), sort_keys=True).encode())
+        header = self.header()
+        header["parameters"] = with_former_names(header["parameters"])
+        digest.update(json.dumps(header, sort_keys=True).encode())
         return digest.hexdigest()[:16]
 
     def arrays(self) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""A synthetic cantilever with three markers near its tip, as our simulator swings it."""
+"""A synthetic cantilever with three markers near its tip, whose ring-downs our simulator makes."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def body_and_model() -> tuple[MarkerBody, ObjectModel]:
     return body, lattice_model(body, density=DENSITY, stiffness=stiffness, damping=1e-9, drag=DRAG)
 
 
-def swinging(body: MarkerBody, model: ObjectModel, *, load: float = 0.0, frames: int = FRAMES) -> Episode:
+def ring_down_episode(body: MarkerBody, model: ObjectModel, *, load: float = 0.0, frames: int = FRAMES) -> Episode:
     """The cantilever released under gravity, with so many newtons at its end."""
     episode = still_episode(frames=frames)
     problem = place_markers(model, body.grasp, episode, load=load)

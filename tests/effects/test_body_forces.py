@@ -31,9 +31,9 @@ def test_quadratic_drag_lets_an_object_fall_at_its_terminal_speed():
 def test_a_constant_body_force_moves_by_half_its_square_of_time():
     # x = a t^2 / 2; semi-implicit Euler goes a t dt / 2 too far.
     result = run(with_effect(sheet(gravity=0.0, drag=0.0), "constant_body_force", x=0.5, y=-1.0, z=2.0))
-    way = centre_path(result)[-1] - centre_path(result)[0]
+    displacement = centre_path(result)[-1] - centre_path(result)[0]
     exact = np.array([0.5, -1.0, 2.0]) * (0.5**2 + 0.5 * SUBSTEP) / 2
-    assert way == pytest.approx(exact, abs=FLOAT32)
+    assert displacement == pytest.approx(exact, abs=FLOAT32)
 
 
 @pytest.mark.parametrize(("onset", "lasted"), [(0.11, 0.25), (0.35, 0.15), (0.9, 0.0)])
@@ -121,9 +121,9 @@ def test_a_stiff_tether_swings_for_long_without_gaining():
     # Without any damping.
     model = with_effect(sheet(gravity=0.0, drag=0.0, stiffness=100.0), "constant_body_force", x=1.0, y=0.0, z=0.0)
     tether = {**AT_THE_MIDDLE, "stiffness": 100.0, "length": 0.0}
-    way = centre_path(run(with_effect(model, "hidden_tether", **tether), duration=4.0))[:, 0]
-    half = len(way) // 2
-    assert np.ptp(way[half:]) < 1.02 * np.ptp(way[:half])
+    displacement = centre_path(run(with_effect(model, "hidden_tether", **tether), duration=4.0))[:, 0]
+    half = len(displacement) // 2
+    assert np.ptp(displacement[half:]) < 1.02 * np.ptp(displacement[:half])
 
 
 def test_a_slack_tether_does_nothing():

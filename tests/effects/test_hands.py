@@ -79,7 +79,7 @@ def test_a_tilted_tracking_frame_records_the_vertical_tilted(values, axis):
     assert np.linalg.det(frame) == pytest.approx(1.0)
 
 
-def test_a_scaled_hand_lifts_a_scaled_way():
+def test_a_scaled_hand_lifts_by_a_scaled_displacement():
     model = with_effect(sheet(gravity=0.0, controller_stiffness=500.0), "tracking_scale", scale=1.5)
     controls = lifted(duration=2.0, height=0.1)
     result = run(model, controls)

@@ -53,8 +53,8 @@ def test_an_effect_says_what_it_is_and_what_it_is_taken_for(name):
     assert "=" in effect.equation
     assert effect.source
     assert effect.traits.experiment
-    ways = (effect.node_force, effect.spring_law, effect.adapt, effect.drive, effect.clock, effect.frame)
-    assert any(each is not None for each in ways)
+    hooks = (effect.node_force, effect.spring_law, effect.adapt, effect.drive, effect.clock, effect.frame)
+    assert any(each is not None for each in hooks)
     assert effect.traits.confounders
     assert set(effect.traits.confounders) <= set(LIBRARY) - {name}
 
@@ -111,7 +111,7 @@ def test_away_from_its_null_an_effect_shows_but_for_those_of_sheets_alone(make):
     result = rollout(batch_of_models([model, *models], [controls] * (1 + len(NAMES)), ground_height=0.0))
     result.raise_on_failure()
     moved = np.abs(result.positions[1:] - result.positions[0]).max(axis=(1, 2, 3))
-    silent = {name for name, way in zip(NAMES, moved, strict=True) if way < 1e-5}
+    silent = {name for name, distance in zip(NAMES, moved, strict=True) if distance < 1e-5}
     assert silent == (set() if make is sheet else {"bending_damping"})
 
 

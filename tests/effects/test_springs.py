@@ -156,10 +156,10 @@ def test_bending_damping_is_that_of_bending_springs():
     assert changed.damping / plain.damping == pytest.approx(np.where(plain.bending, 3.0, 1.0))
 
 
-def test_a_lump_is_heaviest_at_its_place_and_weighs_its_fraction():
+def test_added_mass_is_heaviest_at_its_place_and_weighs_its_fraction():
     model = solid()
-    lump = {"x": 0.05, "y": 0.0, "z": -0.04, "radius": 0.03, "fraction": 0.8}
-    plain, changed = adapted(model, "uneven_mass", **{**lump, "fraction": 0.0}), adapted(model, "uneven_mass", **lump)
+    added = {"x": 0.05, "y": 0.0, "z": -0.04, "radius": 0.03, "fraction": 0.8}
+    plain, changed = adapted(model, "uneven_mass", **{**added, "fraction": 0.0}), adapted(model, "uneven_mass", **added)
     assert changed.masses.sum() == pytest.approx(plain.masses.sum())
     box = plain.rest_positions
     place = (box.min(axis=0) + box.max(axis=0)) / 2 + [0.05, 0.0, -0.04]
@@ -168,9 +168,9 @@ def test_a_lump_is_heaviest_at_its_place_and_weighs_its_fraction():
     assert changed.stiffness is plain.stiffness or (changed.stiffness == plain.stiffness).all()
 
 
-def test_a_lump_far_from_the_object_is_in_its_nearest_node():
-    lump = {"x": 1.0, "y": 1.0, "z": 0.0, "radius": 0.005, "fraction": 1.0}
-    masses = adapted(sheet(), "uneven_mass", **lump).masses
+def test_added_mass_far_from_the_object_is_in_its_nearest_node():
+    added = {"x": 1.0, "y": 1.0, "z": 0.0, "radius": 0.005, "fraction": 1.0}
+    masses = adapted(sheet(), "uneven_mass", **added).masses
     assert np.isfinite(masses).all()
     assert masses.max() == pytest.approx(17 / 16 * masses.sum() / 2, rel=1e-3)
     assert masses.sum() == pytest.approx(node_masses(sheet()).sum())

@@ -41,11 +41,11 @@ def test_gradient_of_the_loss_agrees_with_central_differences(seed):
 
     gradient = loss_gradient(predicted, surface, bound, observed)
     for _ in range(5):
-        way = generator.normal(size=predicted.shape)
+        direction = generator.normal(size=predicted.shape)
         # Small enough that no other node becomes the nearest.
         step = 1e-7
-        difference = (total(predicted + step * way) - total(predicted - step * way)) / (2 * step)
-        assert difference == pytest.approx(float((gradient * way).sum()), rel=1e-4, abs=1e-6)
+        difference = (total(predicted + step * direction) - total(predicted - step * direction)) / (2 * step)
+        assert difference == pytest.approx(float((gradient * direction).sum()), rel=1e-4, abs=1e-6)
 
 
 def test_frame_without_visible_points_has_no_gradient():
@@ -63,15 +63,15 @@ def test_derivative_by_the_coordinates_agrees_with_a_difference_of_losses(monkey
     problem = problem_of(known_model(stiffness_rate=0.3, damping_rate=0.8))
     model = softer(known_model(stiffness_rate=0.2, damping_rate=0.8), 0.7)
     refinement = DenseRefinement([problem], model, OPTIONS)
-    way = np.random.default_rng(1).normal(size=len(refinement.coordinates))
+    direction = np.random.default_rng(1).normal(size=len(refinement.coordinates))
 
     def fitted(share):
-        return refinement._derivative(problem, model_at(model, share * way))[0].fitted
+        return refinement._derivative(problem, model_at(model, share * direction))[0].fitted
 
     _, gradient = refinement._derivative(problem, model)
     # Float32 rollouts carry some 1e-7 m; the step is long enough that the loss moves by 1e-4 m.
     step = 0.02
-    assert (fitted(step) - fitted(-step)) / (2 * step) == pytest.approx(float(gradient @ way), rel=0.05)
+    assert (fitted(step) - fitted(-step)) / (2 * step) == pytest.approx(float(gradient @ direction), rel=0.05)
 
 
 def test_wrong_stiffness_is_refined_towards_the_episode():

@@ -17,7 +17,7 @@ LENGTH = 0.9
 
 
 def curve(count: int, *, half_turn: float = 1.2, length: float = LENGTH) -> np.ndarray:
-    """[count, 3] metres: points at equal ways along an arc of a circle that hangs in the x-z plane."""
+    """[count, 3] metres: points at equal arc lengths along an arc of a circle that hangs in the x-z plane."""
     radius = length / (2.0 * half_turn)
     angles = np.linspace(-half_turn, half_turn, count)
     return np.stack([radius * np.sin(angles), np.zeros(count), 1.0 - radius * np.cos(angles)], axis=1)
@@ -50,6 +50,6 @@ def moved_by_hand(episode: Episode, *, aside: float = 0.0) -> Episode:
     slow = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=8.0)
     at_rest = np.repeat(rolled_out(slow, body, episode)[-1:], episode.frames, axis=0)
     held = episode.controllers.copy()
-    swing = 1.0 - np.cos(2.0 * np.pi * 0.9 * episode.times)[:, None].astype(np.float32)
-    held[:, 2:, 1:] += swing[..., None] * np.array([aside, 0.08], np.float32)
+    moved = 1.0 - np.cos(2.0 * np.pi * 0.9 * episode.times)[:, None].astype(np.float32)
+    held[:, 2:, 1:] += moved[..., None] * np.array([aside, 0.08], np.float32)
     return replace(episode, controllers=held, points=at_rest)

@@ -15,7 +15,7 @@ from egophys_core.kinds.surface_faces import faces_of_body
 from egophys_core.observation import place_twin
 from egophys_core.simulation import batch_of_models
 from egophys_core.twin import ObjectModel, decode_twin, encode_twin
-from tests.diagnosis.cantilever import TEMPLATE, body_and_model, still_episode, swinging, twin_of
+from tests.diagnosis.cantilever import TEMPLATE, body_and_model, ring_down_episode, still_episode, twin_of
 from tests.effects.situations import solid
 from tests.identification.synthetic import candidate, searched_numbers, sheet_episode, sheet_shape
 from tests.kinds.hanging_cable import curve, record_of
@@ -127,7 +127,7 @@ class TestTwinsOfMarkersFromBeforeLattices:
 
     def test_they_do_what_they_did(self):
         body, model = body_and_model()
-        episode = swinging(body, model, frames=40)
+        episode = ring_down_episode(body, model, frames=40)
         former, now = (
             predict(each, place_twin(twin_of(body, each), episode)) for each in (replace(model, kind="solid"), model)
         )

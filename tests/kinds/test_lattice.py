@@ -29,8 +29,8 @@ from tests.diagnosis.cantilever import (
     TEMPLATE,
     TRACKS,
     body_and_model,
+    ring_down_episode,
     still_episode,
-    swinging,
     twin_of,
 )
 from tests.kinds.seen_markers import marker_body, place_markers
@@ -39,7 +39,7 @@ from tests.kinds.seen_markers import marker_body, place_markers
 @pytest.fixture(scope="module")
 def cantilever() -> tuple[MarkerBody, ObjectModel, Episode]:
     body, model = body_and_model()
-    return body, model, swinging(body, model)
+    return body, model, ring_down_episode(body, model)
 
 
 def test_a_twin_of_something_else_has_no_place_at_the_markers(
@@ -61,11 +61,11 @@ def test_true_stiffness_beats_its_neighbours(cantilever: tuple[MarkerBody, Objec
     assert int(np.argmin(marker_errors(fits))) == 2
 
 
-@pytest.mark.parametrize(("way", "axis"), [("pitch", 2), ("yaw", 1)])
-def test_turns_upward_and_to_its_left_about_the_clamp(way: str, axis: int) -> None:
+@pytest.mark.parametrize(("angle", "axis"), [("pitch", 2), ("yaw", 1)])
+def test_turns_upward_and_to_its_left_about_the_clamp(angle: str, axis: int) -> None:
     body = marker_body(still_episode(), parse_template(TEMPLATE))
     known = len(HELD) + len(TRACKS)
-    moved = turned(body, known, **{"pitch": 0.0, "yaw": 0.0, way: 0.02})
+    moved = turned(body, known, **{"pitch": 0.0, "yaw": 0.0, angle: 0.02})
     shift = (moved.graph.positions[-len(TRACKS) :] - body.graph.positions[-len(TRACKS) :]).mean(axis=0)
     length = float(TRACKS[:, 0].mean() - body.grasp[known:, 0].mean())
     assert shift[axis] == pytest.approx(0.02 * length, rel=0.02)
@@ -107,7 +107,7 @@ def test_a_node_that_would_weigh_nothing_is_refused(cantilever: tuple[MarkerBody
         batch_of_models([model], [lifted], ground_height=-10.0)
 
 
-def test_a_load_slows_a_swing_as_it_does_a_beam(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+def test_a_load_slows_a_ring_down_as_it_does_a_beam(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     """1 + cosh x cos x = r x (sin x cosh x - cos x sinh x), x^2 in proportion to the rate, r = load over beam.
 
     Blevins, Formulas for Natural Frequency and Mode Shape (1979), table 8-8: a cantilever with a mass at its end.
@@ -152,8 +152,8 @@ def test_a_twin_is_evaluated_at_its_markers(cantilever: tuple[MarkerBody, Object
     body, model, episode = cantilever
     scores, predicted = evaluate_twin(twin_of(body, model), episode)
     assert predicted.shape[1] == len(body.graph.positions)
-    swing = float(np.ptp(episode.points[:, :, 2].mean(axis=1)))
-    assert scores.all_track_m < 0.05 * swing
+    extent = float(np.ptp(episode.points[:, :, 2].mean(axis=1)))
+    assert scores.all_track_m < 0.05 * extent
 
 
 def test_what_is_held_by_nothing_and_a_density_of_nothing_are_refused() -> None:

@@ -34,8 +34,8 @@ def test_markers_in_any_order_are_found_along_the_curve(order: list[int], half_t
     assert chain.has_far_clamp
     step = LENGTH / 12
     assert chain.length == pytest.approx(10 * step, rel=2e-3)
-    assert chain.reaches[:4] == pytest.approx([-step, 0.0, chain.length, chain.length + step], abs=1e-3)
-    assert chain.reaches[4:][np.argsort(order)] == pytest.approx(step * np.arange(1, 10), abs=1e-3)
+    assert chain.arc_lengths[:4] == pytest.approx([-step, 0.0, chain.length, chain.length + step], abs=1e-3)
+    assert chain.arc_lengths[4:][np.argsort(order)] == pytest.approx(step * np.arange(1, 10), abs=1e-3)
 
 
 def test_a_free_end_is_where_the_last_marker_is() -> None:
@@ -51,7 +51,7 @@ def test_points_of_a_clamp_that_lie_across_are_one_place() -> None:
     across = points[0] + np.array([[0.0, -0.02, 0.0], [0.0, 0.02, 0.0]])
     chain = find_chain(across, PAIR, points[1:])
     assert chain is not None
-    assert chain.reaches[:2] == pytest.approx([0.0, 0.0])
+    assert chain.arc_lengths[:2] == pytest.approx([0.0, 0.0])
     assert chain.length == pytest.approx(LENGTH, rel=5e-3)
 
 
@@ -72,11 +72,11 @@ def test_what_does_not_lie_along_a_curve_is_no_rod(
 
 
 def test_a_bend_follows_a_circle_and_does_not_twist() -> None:
-    """Sections stay plane, across the curve, and turn about the normal of its plane alone."""
+    """Cross-sections stay plane, across the curve, and turn about the normal of its plane alone."""
     radius, length, width = 0.3, 0.6, 0.01
-    reaches = np.linspace(0.0, length, 13)
-    straight = np.stack([reaches, np.zeros(13), np.zeros(13)], axis=1)
-    angles = reaches / radius
+    arc_lengths = np.linspace(0.0, length, 13)
+    straight = np.stack([arc_lengths, np.zeros(13), np.zeros(13)], axis=1)
+    angles = arc_lengths / radius
     seen = radius * np.stack([np.sin(angles), np.zeros(13), 1.0 - np.cos(angles)], axis=1)
     bend = bend_to(straight, seen, np.zeros_like(seen))
     assert bend.place(straight) == pytest.approx(seen, abs=1e-6)
@@ -88,7 +88,7 @@ def test_a_bend_follows_a_circle_and_does_not_twist() -> None:
 
 
 def test_a_rod_begins_as_fast_as_its_markers() -> None:
-    """A swing that is cut out of a longer record goes on as it went."""
+    """A motion that is cut out of a longer record goes on as it went."""
     moved = moved_by_hand(record_of(curve(13), held_first=2, held_last=2, frames=160), aside=0.1)
     body = marker_body(moved, None)
     model = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
@@ -123,20 +123,20 @@ def test_nodes_lie_at_markers_and_evenly_between_and_clamps_hold_two(held_first:
     clamps = [each for each in np.split(np.arange(len(held)), [held_first]) if len(each)]
     along = find_chain(held, clamps, points[held_first:end])
     assert along is not None
-    reaches, clamped = rod_nodes(along, len(held), along.length)
+    arc_lengths, clamped = rod_nodes(along, len(held), along.length)
     piece = along.length / PIECES
-    assert np.abs(reaches[:, None] - along.reaches[len(held) :]).min(axis=0) == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(arc_lengths[:, None] - along.arc_lengths[len(held) :]).min(axis=0) == pytest.approx(0.0, abs=1e-12)
     far = [along.length, along.length + piece] if held_last else []
-    assert reaches[clamped] == pytest.approx([-piece, 0.0, *far], abs=1e-9)
-    assert np.diff(reaches) == pytest.approx(piece, rel=0.35)
+    assert arc_lengths[clamped] == pytest.approx([-piece, 0.0, *far], abs=1e-9)
+    assert np.diff(arc_lengths) == pytest.approx(piece, rel=0.35)
 
 
 def test_markers_side_by_side_share_a_node() -> None:
     near = 0.1 * LENGTH / PIECES
-    along = Chain(reaches=np.array([-0.02, 0.0, 0.3, 0.3 + near, LENGTH]), length=LENGTH, has_far_clamp=False)
-    reaches, _ = rod_nodes(along, 2, LENGTH)
-    assert np.diff(reaches).min() > 0.25 * LENGTH / PIECES
-    assert np.abs(reaches - 0.3 - near / 2).min() == pytest.approx(0.0, abs=1e-9)
+    along = Chain(arc_lengths=np.array([-0.02, 0.0, 0.3, 0.3 + near, LENGTH]), length=LENGTH, has_far_clamp=False)
+    arc_lengths, _ = rod_nodes(along, 2, LENGTH)
+    assert np.diff(arc_lengths).min() > 0.25 * LENGTH / PIECES
+    assert np.abs(arc_lengths - 0.3 - near / 2).min() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_rod_is_built_straight_and_begins_as_it_is_seen() -> None:
@@ -204,21 +204,21 @@ def test_a_rod_hangs_as_an_elastica(bending_length: float) -> None:
     places = rolled_out(model, body, episode)[-1] - level[1]
     half = 0.5 * body.spacing
     whole = body.length + half
-    ways = np.linspace(0.0, whole, 400)
+    arc_lengths = np.linspace(0.0, whole, 400)
     solved = solve_bvp(
         lambda s, y: np.stack([y[1], (whole - s) * np.cos(y[0]) / bending_length**3]),
         lambda start, end: np.array([start[0], end[1]]),
-        ways,
-        np.stack([-1.5 * (1.0 - np.exp(-ways / bending_length)), np.zeros(len(ways))]),
+        arc_lengths,
+        np.stack([-1.5 * (1.0 - np.exp(-arc_lengths / bending_length)), np.zeros(len(arc_lengths))]),
         max_nodes=20_000,
     )
-    slope = solved.sol(ways)[0]
+    slope = solved.sol(arc_lengths)[0]
     along, up = (
-        np.concatenate([[0.0], np.cumsum(ways[1] * (each[1:] + each[:-1]) / 2)])
+        np.concatenate([[0.0], np.cumsum(arc_lengths[1] * (each[1:] + each[:-1]) / 2)])
         for each in (np.cos(slope), np.sin(slope))
     )
     at = half + np.linspace(0.0, body.length, count - 1)[1:]
-    elastica = np.stack([np.interp(at, ways, along) - half, np.interp(at, ways, up)], axis=1)
+    elastica = np.stack([np.interp(at, arc_lengths, along) - half, np.interp(at, arc_lengths, up)], axis=1)
     assert places[:, [0, 2]] == pytest.approx(elastica, abs=0.006 * length)
     assert places[-1, 2] < -0.2 * length
 
@@ -227,25 +227,26 @@ def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
     """What our simulator does with a rod is recovered."""
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=200))
     body = marker_body(moved, None)
-    planted = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
-    seen = rolled_out(planted, body, moved)
+    injected = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
+    seen = rolled_out(injected, body, moved)
     twin = build([replace(moved, points=seen)])
     assert np.ptp(seen, axis=0).max() > 0.05
     assert twin.provenance.settings["rmse_m"] < 1e-3
     found = twin.model.parameters
-    assert found.flexural_rigidity == pytest.approx(planted.parameters.flexural_rigidity, rel=0.03)
+    assert found.flexural_rigidity == pytest.approx(injected.parameters.flexural_rigidity, rel=0.03)
     assert found.retardation_time == pytest.approx(0.015, rel=0.15)
     assert found.drag == pytest.approx(0.5, abs=0.1)
     assert "rod" in twin.provenance.settings["assumed"][0]
 
 
-def test_a_natural_bend_is_found() -> None:
+def test_an_intrinsic_curvature_is_found() -> None:
     """Of a cable that was kept on a coil, and begins where it hangs."""
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=200), aside=0.1)
     body = marker_body(moved, None)
     straight = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.5)
     coiled = replace(
-        straight, parameters=replace(straight.parameters, natural_bend_level=1.5, natural_bend_up=-0.8, drag=8.0)
+        straight,
+        parameters=replace(straight.parameters, intrinsic_curvature_level=1.5, intrinsic_curvature_up=-0.8, drag=8.0),
     )
     hanging = rolled_out(coiled, body, replace(moved, controllers=np.repeat(moved.controllers[:1], 200, axis=0)))
     there = replace(moved, points=np.repeat(hanging[-1:], moved.frames, axis=0))
@@ -254,8 +255,8 @@ def test_a_natural_bend_is_found() -> None:
     twin = build([seen])
     assert twin.provenance.settings["rmse_m"] < 1e-3
     # How much it is bent upwards is nearly the same as how stiff it is.
-    assert twin.model.parameters.natural_bend_level == pytest.approx(1.5, abs=0.3)
-    assert -1.2 < twin.model.parameters.natural_bend_up < -0.2
+    assert twin.model.parameters.intrinsic_curvature_level == pytest.approx(1.5, abs=0.3)
+    assert -1.2 < twin.model.parameters.intrinsic_curvature_up < -0.2
 
 
 def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
@@ -263,10 +264,10 @@ def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=140), aside=0.1)
     body = marker_body(moved, None)
     bare = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=0.0)
-    planted = with_effect(bare, "quadratic_drag", {"coefficient": 10.0})
-    seen = observe_episode(replace(moved, points=rolled_out(planted, body, moved)))
+    injected = with_effect(bare, "quadratic_drag", {"coefficient": 10.0})
+    seen = observe_episode(replace(moved, points=rolled_out(injected, body, moved)))
     search = MarkerSearch(body, [seen], 1000.0)
-    (rigidity, *_), error = search.best(search.unknowns.sags)
+    (rigidity, *_), error = search.best(search.unknowns.static_deflection)
     assert error > 2e-3
     assert np.exp(rigidity) == pytest.approx(0.02, rel=0.5)
 
@@ -291,5 +292,5 @@ def test_a_rod_follows_a_clamp_that_turns_by_less_than_markers_slip() -> None:
     body = marker_body(turned, None)
     model = rod_model(body, density=1000.0, rigidity=0.01, retardation_time=0.01, drag=1.0)
     driven = place_markers(model, body.grasp, turned).controls.positions[:, 2:]
-    way = driven[-1, 1] - driven[-1, 0]
-    assert np.arctan2(way[2], way[0]) == pytest.approx(0.05, abs=1e-3)
+    chord = driven[-1, 1] - driven[-1, 0]
+    assert np.arctan2(chord[2], chord[0]) == pytest.approx(0.05, abs=1e-3)

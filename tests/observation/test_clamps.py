@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from egophys_core.geometry import least_rotation
+from egophys_core.geometry import smallest_rotation
 from egophys_core.observation.clamps import (
     carried_by_clamps,
     clamp_groups,
@@ -18,7 +18,7 @@ def test_points_that_come_near_but_move_apart_are_two_clamps() -> None:
     """Two hands of two points each that begin 10 cm from each other."""
     pair = np.array([[0.0, 0.0, 0.0], [0.03, 0.0, 0.0]])
     apart = np.linspace(0.1, 0.4, 5)
-    held = np.stack([np.concatenate([pair, pair + [way, 0.0, 0.0]]) for way in apart])
+    held = np.stack([np.concatenate([pair, pair + [distance, 0.0, 0.0]]) for distance in apart])
     assert [group.tolist() for group in clamp_groups(held)] == [[0, 1], [2, 3]]
 
 
@@ -45,20 +45,20 @@ def test_what_slips_in_its_glue_stands_still() -> None:
     assert not stands_still(held)
 
 
-def test_the_least_rotation_is_about_what_is_across_both() -> None:
+def test_the_smallest_rotation_is_about_what_is_across_both() -> None:
     generator = np.random.default_rng(0)
     for source, target in generator.normal(size=(20, 2, 3)):
-        turn = least_rotation(source, target)
+        turn = smallest_rotation(source, target)
         axis = np.cross(source, target)
         assert turn @ source / np.linalg.norm(source) == pytest.approx(target / np.linalg.norm(target))
         assert turn @ axis == pytest.approx(axis)
         assert np.linalg.det(turn) == pytest.approx(1.0)
-    assert least_rotation(np.zeros(3), np.ones(3)) == pytest.approx(np.eye(3))
+    assert smallest_rotation(np.zeros(3), np.ones(3)) == pytest.approx(np.eye(3))
 
 
 @pytest.mark.parametrize("direction", np.eye(3))
 def test_a_direction_can_be_turned_round(direction: np.ndarray) -> None:
-    turn = least_rotation(direction, -2.0 * direction)
+    turn = smallest_rotation(direction, -2.0 * direction)
     assert turn @ direction == pytest.approx(-direction)
     assert turn @ turn.T == pytest.approx(np.eye(3))
     assert np.linalg.det(turn) == pytest.approx(1.0)
@@ -75,10 +75,10 @@ def test_a_rigid_motion_is_found() -> None:
 
 def test_smoothing_takes_noise_and_leaves_what_hands_do() -> None:
     times = np.arange(300) / 100.0
-    swing = np.zeros((300, 2, 3))
-    swing[:, :, 2] = 0.1 * np.sin(2.0 * np.pi * 1.5 * times)[:, None]
-    noise = np.random.default_rng(0).normal(0.0, 0.0002, swing.shape)
-    assert smoothed_clamps(swing, times) == pytest.approx(swing, abs=5e-4)
+    motion = np.zeros((300, 2, 3))
+    motion[:, :, 2] = 0.1 * np.sin(2.0 * np.pi * 1.5 * times)[:, None]
+    noise = np.random.default_rng(0).normal(0.0, 0.0002, motion.shape)
+    assert smoothed_clamps(motion, times) == pytest.approx(motion, abs=5e-4)
     assert smoothed_clamps(noise, times)[10:-10].std() < 0.6 * noise[10:-10].std()
 
 

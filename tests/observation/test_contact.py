@@ -40,7 +40,7 @@ def path(times: np.ndarray, *stops: tuple[float, Sequence[float] | np.ndarray]) 
 
 
 def carried(times: np.ndarray, hand: np.ndarray, *held: tuple[float, float]) -> np.ndarray:
-    """[T, 3] metres: way of an object that moves with the hand between the times of each pair and else stays."""
+    """[T, 3] metres: displacement of an object that moves with the hand between the times of each pair."""
     moves = np.zeros_like(hand)
     inside = np.any([(times[1:] > begin + 1e-9) & (times[1:] <= end + 1e-9) for begin, end in held], axis=0)
     moves[1:][inside] = np.diff(hand, axis=0)[inside]
@@ -94,9 +94,9 @@ def push_and_retreat(times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return hand, np.minimum.accumulate(np.minimum(hand - BESIDE, 0.0), axis=0)
 
 
-def touch_time(times: np.ndarray, way: np.ndarray) -> float:
+def touch_time(times: np.ndarray, displacement: np.ndarray) -> float:
     """Seconds: last frame before the object moves."""
-    return float(times[np.flatnonzero(np.linalg.norm(way, axis=1) > 0)[0] - 1])
+    return float(times[np.flatnonzero(np.linalg.norm(displacement, axis=1) > 0)[0] - 1])
 
 
 RATES_AND_NOISE = [(rate, noise) for rate in (15.0, 30.0, 60.0) for noise in (0.0, 0.0015, 0.003)]
@@ -124,8 +124,8 @@ def test_hold_of_a_soft_sheet_that_lags_behind_begins_when_the_hand_has_arrived(
 @pytest.mark.parametrize("count", [1, 8])
 def test_hold_then_let_go(rate, noise, count):
     times = seconds(4.5, rate)
-    hand, way = lift_and_let_go(times)
-    episode = observed(times, ball() + way[:, None], fingers(hand, count), noise)
+    hand, displacement = lift_and_let_go(times)
+    episode = observed(times, ball() + displacement[:, None], fingers(hand, count), noise)
     assert found(episode) == [[about(HOLD, 1.0, 3.0)]]
 
 
@@ -133,9 +133,9 @@ def test_hold_then_let_go(rate, noise, count):
 @pytest.mark.parametrize("count", [1, 8])
 def test_press_then_retreat_leaves_the_object_behind(rate, noise, count):
     times = seconds(3.5, rate)
-    hand, way = push_and_retreat(times)
-    episode = observed(times, ball() + way[:, None], fingers(hand, count), noise)
-    assert found(episode) == [[about(PRESS, touch_time(times, way), 2.1)]]
+    hand, displacement = push_and_retreat(times)
+    episode = observed(times, ball() + displacement[:, None], fingers(hand, count), noise)
+    assert found(episode) == [[about(PRESS, touch_time(times, displacement), 2.1)]]
 
 
 @pytest.mark.parametrize("speed", [0.03, 0.1, 1.0])
@@ -145,8 +145,8 @@ def test_slow_and_fast_hands_are_judged_by_the_way_they_go(speed):
     hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (1.2 + duration, ABOVE + [0, 0, 0.15]))
     leave = 1.4 + duration
     hand += path(times, (leave, [0, 0, 0]), (leave + duration, [0, 0.15, 0]))
-    way = carried(times, hand, (1.0, leave))
-    ((contact,),) = found(observed(times, ball() + way[:, None], fingers(hand)))
+    displacement = carried(times, hand, (1.0, leave))
+    ((contact,),) = found(observed(times, ball() + displacement[:, None], fingers(hand)))
     assert contact[:2] == (HOLD, pytest.approx(1.0, abs=0.1))
     # It may be a centimetre away before it is seen to leave.
     moved = np.linalg.norm(hand[round(contact[2] * 30)] - hand[round(leave * 30)])
@@ -158,8 +158,8 @@ def test_slow_and_fast_hands_are_judged_by_the_way_they_go(speed):
 def test_hand_that_drags_an_object_from_above_holds_it(direction):
     times = seconds(4.0)
     hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.2, ABOVE + direction))
-    way = carried(times, hand, (1.0, 4.0))
-    assert found(observed(times, ball() + way[:, None], fingers(hand))) == [[about(HOLD, 1.0, 4.0)]]
+    displacement = carried(times, hand, (1.0, 4.0))
+    assert found(observed(times, ball() + displacement[:, None], fingers(hand))) == [[about(HOLD, 1.0, 4.0)]]
 
 
 def test_hand_takes_hold_twice_in_different_places():
@@ -168,8 +168,8 @@ def test_hand_takes_hold_twice_in_different_places():
     again = np.array([0.1, 0, 0]) + BESIDE
     back = path(times, (3.6, hand[108]), (4.2, again), (4.4, again), (5.2, again + [0.1, 0.05, 0.05]))
     hand = np.where((times > 3.6)[:, None], back, hand)
-    way = carried(times, hand, (1.0, 3.0), (4.2, 6.0))
-    episode = observed(times, ball() + way[:, None], fingers(hand))
+    displacement = carried(times, hand, (1.0, 3.0), (4.2, 6.0))
+    episode = observed(times, ball() + displacement[:, None], fingers(hand))
     assert found(episode) == [[about(HOLD, 1.0, 3.0), about(HOLD, 4.2, 6.0)]]
 
 
@@ -177,33 +177,33 @@ def test_hand_presses_twice():
     times = seconds(5.5)
     hand, _ = push_and_retreat(times)
     hand += path(times, (3.2, [0, 0, 0]), (4.4, [-0.2, 0, 0]), (4.6, [-0.2, 0, 0]), (5.2, [0, 0, 0]))
-    way = np.minimum.accumulate(np.minimum(hand - BESIDE, 0.0), axis=0)
-    one, two = found(observed(times, ball() + way[:, None], fingers(hand)))[0]
-    assert one == about(PRESS, touch_time(times, way), 2.1)
+    displacement = np.minimum.accumulate(np.minimum(hand - BESIDE, 0.0), axis=0)
+    one, two = found(observed(times, ball() + displacement[:, None], fingers(hand)))[0]
+    assert one == about(PRESS, touch_time(times, displacement), 2.1)
     assert (two[0], two[2]) == (PRESS, pytest.approx(4.75, abs=0.1))
     # The second time it moves the object on from where the first left it, 10 cm away.
-    moves_on = times[np.flatnonzero(way[:, 0] < -0.1005)[0]]
+    moves_on = times[np.flatnonzero(displacement[:, 0] < -0.1005)[0]]
     assert two[1] == pytest.approx(moves_on, abs=0.1)
 
 
 def test_press_on_an_object_that_gives_before_it_moves_begins_with_the_touch():
     # Points near the hand fall behind it by up to 1 cm while the object is squeezed, most of that in 2 frames.
     times = seconds(3.5)
-    hand, way = push_and_retreat(times)
-    squeezed = 0.01 * (1 - np.exp(way[:, :1] / 0.01)) * [1, 0, 0]
-    episode = observed(times, ball() + (way + squeezed)[:, None], fingers(hand))
+    hand, displacement = push_and_retreat(times)
+    squeezed = 0.01 * (1 - np.exp(displacement[:, :1] / 0.01)) * [1, 0, 0]
+    episode = observed(times, ball() + (displacement + squeezed)[:, None], fingers(hand))
     ((contact,),) = found(episode)
-    assert contact[:2] == (PRESS, pytest.approx(touch_time(times, way), abs=0.04))
+    assert contact[:2] == (PRESS, pytest.approx(touch_time(times, displacement), abs=0.04))
 
 
 def test_press_on_few_points_that_drop_out_is_one_press():
     times = seconds(3.5)
-    hand, way = push_and_retreat(times)
+    hand, displacement = push_and_retreat(times)
     for seed in range(4):
-        points = ball(60) + way[:, None]
+        points = ball(60) + displacement[:, None]
         points[np.random.default_rng(seed).random(points.shape[:2]) < 0.4] = np.nan
         ((contact,),) = found(observed(times, points, fingers(hand), 0.003))
-        assert contact == about(PRESS, touch_time(times, way), 2.1, within=0.2)
+        assert contact == about(PRESS, touch_time(times, displacement), 2.1, within=0.2)
 
 
 def test_pressing_into_a_soft_object_that_springs_back_is_no_hold():
@@ -239,8 +239,8 @@ def test_folding_a_sheet_over_onto_itself_is_a_hold():
 def test_points_hidden_by_the_hand_do_not_end_the_hold(hidden, expected):
     times = seconds(4.0)
     hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.2, ABOVE + [0.1, 0, 0.1]), (3.4, ABOVE))
-    way = carried(times, hand, (1.0, 4.0))
-    episode = observed(times, ball() + way[:, None], fingers(hand))
+    displacement = carried(times, hand, (1.0, 4.0))
+    episode = observed(times, ball() + displacement[:, None], fingers(hand))
     near = np.flatnonzero(np.linalg.norm(ball() - ABOVE, axis=1) < 0.04)
     points = episode.points.copy()
     points[np.ix_((times >= hidden[0]) & (times <= hidden[1]), near)] = np.nan
@@ -250,8 +250,8 @@ def test_points_hidden_by_the_hand_do_not_end_the_hold(hidden, expected):
 def test_points_that_drop_out_at_random_do_not_matter():
     times = seconds(4.5)
     for motion, expected in ((lift_and_let_go, about(HOLD, 1.1, 3.0)), (push_and_retreat, about(PRESS, 0.97, 2.1))):
-        hand, way = motion(times)
-        episode = observed(times, ball() + way[:, None], fingers(hand))
+        hand, displacement = motion(times)
+        episode = observed(times, ball() + displacement[:, None], fingers(hand))
         points = np.where(
             np.random.default_rng(1).random(episode.points.shape[:2])[..., None] < 0.5, np.nan, episode.points
         )
@@ -261,18 +261,18 @@ def test_points_that_drop_out_at_random_do_not_matter():
 def test_object_dropped_by_a_hand_that_stays_is_let_go_as_it_falls():
     times = seconds(4.0)
     hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.0, ABOVE + [0, 0, 0.2]))
-    way = carried(times, hand, (1.0, 4.0))
-    way[:, 2] = np.maximum(way[:, 2] - 4.905 * np.maximum(times - 2.5, 0) ** 2, 0)
-    assert found(observed(times, ball() + way[:, None], fingers(hand))) == [[about(HOLD, 1.0, 2.5)]]
+    displacement = carried(times, hand, (1.0, 4.0))
+    displacement[:, 2] = np.maximum(displacement[:, 2] - 4.905 * np.maximum(times - 2.5, 0) ** 2, 0)
+    assert found(observed(times, ball() + displacement[:, None], fingers(hand))) == [[about(HOLD, 1.0, 2.5)]]
 
 
 def test_object_that_slips_slowly_through_the_hand_is_held():
     times = seconds(6.0)
     hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.2, ABOVE + [0, 0, 0.25]))
     hand += path(times, (3.0, [0, 0, 0]), (4.0, [0.15, 0, 0]), (5.5, [0, 0.1, 0]))
-    way = carried(times, hand, (1.0, 6.0))
-    way[:, 2] -= 0.027 * np.maximum(times - 2.5, 0)
-    assert found(observed(times, ball() + way[:, None], fingers(hand))) == [[about(HOLD, 1.0, 6.0)]]
+    displacement = carried(times, hand, (1.0, 6.0))
+    displacement[:, 2] -= 0.027 * np.maximum(times - 2.5, 0)
+    assert found(observed(times, ball() + displacement[:, None], fingers(hand))) == [[about(HOLD, 1.0, 6.0)]]
 
 
 @pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
@@ -281,17 +281,19 @@ def test_points_recorded_a_tenth_of_a_second_late_do_not_move_the_hold(rate):
     hand = path(
         times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.0, ABOVE + [0.1, 0, 0.2]), (2.6, ABOVE), (3.2, HOVER)
     )
-    way = carried(times, hand, (1.0, 4.0))
+    displacement = carried(times, hand, (1.0, 4.0))
     late = round(0.1 * rate)
-    points = (ball() + way[:, None])[np.maximum(np.arange(len(times)) - late, 0)]
+    points = (ball() + displacement[:, None])[np.maximum(np.arange(len(times)) - late, 0)]
     assert found(observed(times, points, fingers(hand))) == [[about(HOLD, 1.0, 4.0)]]
 
 
 def test_recording_that_starts_in_the_grasp_is_held_from_its_first_frame():
     times = seconds(2.0)
     hand = path(times, (0.0, ABOVE), (1.0, ABOVE + [0.1, 0, 0.1]))
-    way = carried(times, hand, (0.0, 2.0))
-    assert found(observed(times, ball() + way[:, None], fingers(hand))) == [[about(HOLD, 0.0, 2.0, within=0.04)]]
+    displacement = carried(times, hand, (0.0, 2.0))
+    assert found(observed(times, ball() + displacement[:, None], fingers(hand))) == [
+        [about(HOLD, 0.0, 2.0, within=0.04)]
+    ]
 
 
 def passes_by(times: np.ndarray) -> np.ndarray:
@@ -319,23 +321,23 @@ def test_hand_that_moves_nothing_has_no_contact(motion: Callable, noise):
 def test_object_that_rocks_by_itself_under_a_hand_is_not_touched():
     # 1.5 cm to and fro at 1 Hz beside a hand that comes near, waits and leaves.
     times = seconds(5.0)
-    way = np.zeros((len(times), 3))
-    way[:, 0] = 0.0075 * np.sin(2 * np.pi * times)
+    displacement = np.zeros((len(times), 3))
+    displacement[:, 0] = 0.0075 * np.sin(2 * np.pi * times)
     beside = BESIDE + [0.02, 0, 0]
     hand = path(times, (1.0, beside + [0.2, 0, 0]), (2.0, beside), (3.5, beside), (4.5, beside + [0.2, 0, 0]))
-    assert found(observed(times, ball() + way[:, None], fingers(hand))) == [[]]
+    assert found(observed(times, ball() + displacement[:, None], fingers(hand))) == [[]]
 
 
 def test_each_of_two_hands_has_its_own_contacts():
     # One holds from 1.0 s to the end; the other pushes against the held object's side before, and stays away later.
     times = seconds(5.0)
-    pusher, way = push_and_retreat(times)
+    pusher, displacement = push_and_retreat(times)
     shifted = ABOVE - [0.1, 0, 0]
     holder = path(times, (2.4, shifted + [0, 0, 0.3]), (3.2, shifted), (3.4, shifted), (4.2, shifted + [0, 0.1, 0.15]))
-    way = way + carried(times, holder, (3.2, 5.0))
+    displacement = displacement + carried(times, holder, (3.2, 5.0))
     controllers = np.concatenate([fingers(pusher), fingers(holder)], axis=1)
-    episode = observed(times, ball() + way[:, None], controllers)
-    touch = touch_time(times, way)
+    episode = observed(times, ball() + displacement[:, None], controllers)
+    touch = touch_time(times, displacement)
     assert found(episode) == [[about(PRESS, touch, 2.1)], [about(HOLD, 3.2, 5.0)]]
     hands = find_hands(episode)
     flags = contact_flags(episode, hands)
@@ -349,10 +351,10 @@ def test_each_of_two_hands_has_its_own_contacts():
 def test_hand_that_waits_beside_an_object_others_pull_away_does_not_touch_it():
     times = seconds(4.0)
     holder = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.2, ABOVE + [-0.2, 0, 0.1]))
-    way = carried(times, holder, (1.0, 4.0))
+    displacement = carried(times, holder, (1.0, 4.0))
     waiting = np.tile(BESIDE + [0.01, 0, 0], (len(times), 1))
     controllers = np.concatenate([fingers(holder), fingers(waiting)], axis=1)
-    one, other = found(observed(times, ball() + way[:, None], controllers))
+    one, other = found(observed(times, ball() + displacement[:, None], controllers))
     assert one == [about(HOLD, 1.0, 4.0)]
     assert other == []
 

@@ -6,7 +6,7 @@ import pytest
 from egophys_core.observation.first_motion import first_motion
 
 
-def swing(rate: float, frames: int) -> tuple[np.ndarray, np.ndarray]:
+def oscillation(rate: float, frames: int) -> tuple[np.ndarray, np.ndarray]:
     """Times, and places of three points that swing by 0.1 m at 1 Hz, each at another phase."""
     times = np.arange(frames) / rate
     phases = np.array([0.0, 1.0, 2.0])
@@ -14,8 +14,8 @@ def swing(rate: float, frames: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("rate", [30.0, 100.0, 240.0])
-def test_a_swing_begins_as_fast_as_it_is(rate: float) -> None:
-    times, places = swing(rate, 100)
+def test_an_oscillation_begins_as_fast_as_it_is(rate: float) -> None:
+    times, places = oscillation(rate, 100)
     noisy = places + np.random.default_rng(0).normal(0.0, 2e-4, places.shape)
     phases = np.array([[0.0], [1.0], [2.0]]) + np.array([0.0, 0.5, 1.0])
     first, velocities = first_motion(noisy, times)
@@ -43,7 +43,7 @@ def test_points_that_are_hidden_early_are_taken_to_move_simply() -> None:
 
 
 def test_a_record_of_two_frames_is_taken_to_begin_at_rest() -> None:
-    times, places = swing(100.0, 2)
+    times, places = oscillation(100.0, 2)
     first, velocities = first_motion(places, times)
     assert first == pytest.approx(places[0])
     assert (velocities == 0.0).all()

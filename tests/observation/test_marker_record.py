@@ -13,8 +13,8 @@ from egophys_core.twin import ObjectModel
 from tests.diagnosis.cantilever import (
     TRACKS,
     body_and_model,
+    ring_down_episode,
     still_episode,
-    swinging,
 )
 from tests.kinds.seen_markers import marker_body
 
@@ -22,10 +22,10 @@ from tests.kinds.seen_markers import marker_body
 @pytest.fixture(scope="module")
 def cantilever() -> tuple[MarkerBody, ObjectModel, Episode]:
     body, model = body_and_model()
-    return body, model, swinging(body, model)
+    return body, model, ring_down_episode(body, model)
 
 
-def test_begins_where_the_swing_turns(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+def test_begins_where_the_ring_down_turns_back(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     episode = cantilever[2]
     onset = find_onset(episode)
     heights = episode.points[:, :, 2].mean(axis=1)

@@ -86,7 +86,7 @@ def test_what_begins_as_it_is_seen_is_placed_once_for_all_candidates(monkeypatch
         episode = still_episode(frames=20)
         body = marker_body(episode, parse_template(TEMPLATE))
     search = MarkerSearch(body, [observe_episode(episode)], 1000.0)
-    for numbers in search.unknowns.sags[:3]:
+    for numbers in search.unknowns.static_deflection[:3]:
         search.at(numbers)
     assert len(placed) == places
 

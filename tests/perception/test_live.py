@@ -6,7 +6,7 @@ import pytest
 from egophys_core.perception.camera.lens import Camera
 from egophys_core.perception.live import LiveObserver
 from egophys_core.perception.observation import Observation
-from tests.perception.surface.surface_scene import MATRIX, OPTIONS, SIDE, Frame, material_of, surface, video
+from tests.perception.surface.surface_scene import MATRIX, OPTIONS, SIDE, DrawnFrame, material_of, surface, video
 
 FRAMES = video()[:24]
 BLACK = np.zeros((SIDE, SIDE, 3), np.uint8)
@@ -32,7 +32,7 @@ def run() -> Live:
     return found, said
 
 
-def frame_of(observation: Observation) -> Frame:
+def frame_of(observation: Observation) -> DrawnFrame:
     return next(each for each in FRAMES if each.stamp_ns == observation.view.stamp_ns)
 
 

@@ -20,7 +20,7 @@ from tests.perception.surface.surface_scene import (
     OPTIONS,
     SIDE,
     START_NS,
-    Frame,
+    DrawnFrame,
     bag,
     material_of,
     surface,
@@ -37,7 +37,7 @@ class Run:
 
     perceived: Perceived
     seen: list[Observation]
-    frames: tuple[Frame, ...]
+    frames: tuple[DrawnFrame, ...]
     warned: list[str]
 
     @property
@@ -53,13 +53,17 @@ class Run:
         true = surface(self.of(observation))[material[good]]
         return np.asarray(np.linalg.norm(observation.points[good] - true, axis=1))
 
-    def of(self, observation: Observation) -> Frame:
+    def of(self, observation: Observation) -> DrawnFrame:
         """The drawn frame of an observation."""
         return next(frame for frame in self.frames if frame.stamp_ns == observation.view.stamp_ns)
 
 
 def run(
-    folder: Path, frames: Sequence[Frame], options: PerceptionOptions = OPTIONS, shuffle: bool = False, **written: Any
+    folder: Path,
+    frames: Sequence[DrawnFrame],
+    options: PerceptionOptions = OPTIONS,
+    shuffle: bool = False,
+    **written: Any,
 ) -> Run:
     """Write frames as a bag and perceive it."""
     frames = tuple(frames)
@@ -74,7 +78,7 @@ def run(
     return Run(perceived=perceived, seen=seen, frames=frames, warned=[str(each.message) for each in caught])
 
 
-def slowed(frames: Sequence[Frame]) -> tuple[Frame, ...]:
+def slowed(frames: Sequence[DrawnFrame]) -> tuple[DrawnFrame, ...]:
     """The same at 15 frames a second."""
     return tuple(replace(each, stamp_ns=START_NS + 2 * (each.stamp_ns - START_NS)) for each in frames)
 

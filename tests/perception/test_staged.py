@@ -26,7 +26,7 @@ def views():
         )
 
 
-class Scene:
+class FlatObject:
     """A flat object of 16 x 16 pixels and a hand of 6 x 6 beside it, on a table seen from straight above."""
 
     def __init__(self, hand=True):
@@ -57,7 +57,7 @@ def perceived(scene, **options):
 
 
 def test_points_move_as_the_scene_does():
-    episode = perceived(Scene())
+    episode = perceived(FlatObject())
     moved = episode.points[-1] - episode.points[0]
     inner = np.isfinite(moved).all(axis=1)
     assert inner.mean() > 0.9
@@ -66,18 +66,18 @@ def test_points_move_as_the_scene_does():
 
 
 def test_object_and_hand_are_kept_apart():
-    episode = perceived(Scene())
+    episode = perceived(FlatObject())
     assert np.nanmax(episode.points[0, :, 0]) < episode.controllers[0, :, 0].min()
 
 
 def test_counts_are_bounded_by_the_options():
-    episode = perceived(Scene(), object_points=50, controllers=7)
+    episode = perceived(FlatObject(), object_points=50, controllers=7)
     assert episode.points.shape[1] == 50
     assert episode.controllers.shape[1] == 7
 
 
 def test_few_queries_are_spread_over_the_mask():
-    episode = perceived(Scene(), queries=100)
+    episode = perceived(FlatObject(), queries=100)
     width = np.ptp(episode.points[0, :, 0])
     assert episode.points.shape[1] <= 100
     assert width > 0.7 * 16 / 80 * HEIGHT
@@ -85,11 +85,11 @@ def test_few_queries_are_spread_over_the_mask():
 
 def test_no_hand_is_an_error_that_says_so():
     with pytest.raises(EpisodeError, match="no point of the hand"):
-        perceived(Scene(hand=False))
+        perceived(FlatObject(hand=False))
 
 
 def test_an_empty_first_view_is_an_error():
-    class Nothing(Scene):
+    class Nothing(FlatObject):
         def masks(self, wanted):
             for _ in wanted:
                 yield Masks(object=np.zeros((SIDE, SIDE), bool), hand=np.zeros((SIDE, SIDE), bool))

@@ -48,8 +48,8 @@ def node_force(
     def gust(t: float, dt: float, x: np.ndarray, w: np.ndarray) -> np.ndarray:
         now, ends = begins + t, v["onset"] + v["duration"]
         share = max(min(now + dt, ends) - max(now, v["onset"]), 0.0) / dt
-        swing = np.cos(2 * np.pi * v["frequency"] * (now + dt / 2 - v["onset"]) - v["phase"])
-        return share * swing * uniform(t, dt, x, w)
+        oscillation = np.cos(2 * np.pi * v["frequency"] * (now + dt / 2 - v["onset"]) - v["phase"])
+        return share * oscillation * uniform(t, dt, x, w)
 
     def tilt(t: float, dt: float, x: np.ndarray, w: np.ndarray) -> np.ndarray:
         axis = np.array([v["about_x"], v["about_y"], 0.0])
@@ -120,9 +120,9 @@ def spring_law(name: str, values: Mapping[str, float]) -> ReferenceLaw:
 
     def rubbing(e: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
         z, before = memory.get("z", 0 * e), memory.get("e", e)
-        way, direction = np.abs(e - before) / v["strain"], np.sign(e - before)
-        back = np.minimum(way, np.maximum(-direction * z, 0.0))
-        memory["z"] = z + direction * (back + (1 - np.maximum(direction * z, 0.0)) * (1 - np.exp(back - way)))
+        change, direction = np.abs(e - before) / v["strain"], np.sign(e - before)
+        back = np.minimum(change, np.maximum(-direction * z, 0.0))
+        memory["z"] = z + direction * (back + (1 - np.maximum(direction * z, 0.0)) * (1 - np.exp(back - change)))
         memory["e"] = e
         # Elastic within the step: F = e + strength (e - before) + strength scale z.
         force = e + v["strength"] * (e - before) + v["strength"] * v["strain"] * z

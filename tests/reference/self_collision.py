@@ -15,9 +15,9 @@ Pair = tuple[int, int, float]
 def candidate_pairs(
     positions: np.ndarray, velocities: np.ndarray, rest_positions: np.ndarray, *, distance: float, horizon: float
 ) -> set[tuple[int, int]]:
-    """Pairs i < j that on straight ways come nearer than distance + tolerance within the horizon.
+    """Pairs i < j that on straight paths come nearer than distance + tolerance within the horizon.
 
-    The tolerance is half their relative way and a fall from rest. Pairs that a half circle of that diameter joins on
+    The tolerance is half their relative path and a fall from rest. Pairs that a half circle of that diameter joins on
     the object are left out.
 
     Args:

@@ -55,7 +55,7 @@ def observe(start_node, client):
     return start
 
 
-class Camera:
+class PublishedCamera:
     """Publishes the still frames forth and back, ten a second, stamped now, until it is stopped."""
 
     def __init__(self, client, images, info):
@@ -106,7 +106,7 @@ def values_of(status):
 def test_points_come_with_the_stamps_of_the_images_and_ids_that_last(observe, client, video):
     images, info = video
     observe()
-    with Camera(client, images, info) as camera:
+    with PublishedCamera(client, images, info) as camera:
         messages = client.messages(PointCloud2, "/object/points", 3, timeout=FIRST_POINTS_TIMEOUT)
         black = cv2.imencode(".jpg", np.zeros((info.height, info.width, 3), np.uint8))[1].tobytes()
         cut = bytes(images[0].data)[:2000]
@@ -156,7 +156,7 @@ def stamp_of(message):
 def test_reset_learns_the_object_anew(observe, client, video):
     observe()
     assert not client.call(Trigger, f"{NODE}/reset").success, "nothing is known of the camera yet"
-    with Camera(client, *video):
+    with PublishedCamera(client, *video):
         client.message(PointCloud2, "/object/points", timeout=FIRST_POINTS_TIMEOUT)
         answer = client.call(Trigger, f"{NODE}/reset")
         assert answer.success, answer.message
@@ -175,7 +175,7 @@ def test_raw_images_are_seen_too(observe, client, video):
         height, width = image.shape[:2]
         raw.append(Image(height=height, width=width, step=3 * width, encoding="bgr8", data=image.tobytes()))
     observe(image_transport="raw")
-    with Camera(client, raw, info):
+    with PublishedCamera(client, raw, info):
         wait_for_status(client, lambda each, _: each.message.startswith(("learning", "tracking")))
 
 
@@ -191,7 +191,7 @@ def test_another_board_is_not_found_and_a_camera_without_calibration_is_refused(
     images, info = video
     observe(**{"board.first_id": 100})
     uncalibrated = CameraInfo(height=info.height, width=info.width, distortion_model="plumb_bob")
-    with Camera(client, images, uncalibrated):
+    with PublishedCamera(client, images, uncalibrated):
         status = wait_for_status(client, lambda each, _: "calibrate the camera" in each.message)
         assert status.level == DiagnosticStatus.WARN
         # A good one that comes later is taken.
@@ -210,7 +210,7 @@ def test_lifecycle(start_node, client, video):
     client.wait_for_state(NODE, "unconfigured")
     for _ in range(2):
         client.start(NODE)
-        with Camera(client, *video):
+        with PublishedCamera(client, *video):
             wait_for_status(client, lambda each, _: each.message.startswith("learning"))
             assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
         assert not client.call(Trigger, f"{NODE}/reset").success

@@ -109,8 +109,8 @@ def turning_hand(model: ObjectModel) -> Controls:
     times = np.array([0.0, 0.01, 0.022, 0.035, 0.05, 0.065])
     shape = np.array([[0.02, 0, 0.01], [-0.01, 0.015, 0.02], [0, -0.02, 0.015]])
     turns = np.array([rotation(np.array([0.0, 2.0 * time, 5.0 * time])) for time in times])
-    way = times[:, None] * [0.4, 0.2, 0.1] + times[:, None] ** 2 * [3.0, 2.0, 10.0]
-    path = np.einsum("fij,cj->fci", turns, shape) + way[:, None] + model.graph.positions[0]
+    displacement = times[:, None] * [0.4, 0.2, 0.1] + times[:, None] ** 2 * [3.0, 2.0, 10.0]
+    path = np.einsum("fij,cj->fci", turns, shape) + displacement[:, None] + model.graph.positions[0]
     contact = np.full(path.shape[:2], ContactKind.HOLD, np.uint8)
     return Controls(times=times, positions=path.astype(np.float32), contact=contact)
 
@@ -189,7 +189,7 @@ def derivatives(*names: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
 )
 def test_gradient_by_parameters_agrees_with_central_differences(names):
     found, exact, labels = derivatives(*names)
-    # At which height a thread is tied, or a lump is, says nothing of an object that lies flat.
+    # At which height a thread is tied, or added mass is, says nothing of an object that lies flat.
     told = [label for label, each in zip(labels, exact, strict=True) if each != 0.0]
     assert told == [label for label in labels if label not in ("hidden_tether z", "uneven_mass z")]
     assert np.abs(found - exact).max() < RELATIVE * np.abs(exact).max(), list(zip(labels, found, exact, strict=True))

@@ -119,8 +119,8 @@ def test_presses_and_holds_by_turns_agree_with_the_float64_reference(seed):
     positions = sheet_positions(3, spacing=0.06, height=0.003).astype(np.float64)
     springs = np.array([(i, j) for i in range(9) for j in range(i + 1, 9) if generator.random() < 0.4])
     times = frame_times(0.5, 1 / 30)
-    swing = 0.03 * np.sin(generator.uniform(8, 14, (1, 2, 3)) * times[:, None, None])
-    path = positions[[0, 8]] + generator.normal(0, 0.01, (2, 3)) + [0, 0, 0.02] + swing
+    oscillation = 0.03 * np.sin(generator.uniform(8, 14, (1, 2, 3)) * times[:, None, None])
+    path = positions[[0, 8]] + generator.normal(0, 0.01, (2, 3)) + [0, 0, 0.02] + oscillation
     kinds = np.stack([np.repeat([PRESS, NONE, HOLD, PRESS], 4), np.repeat([NONE, PRESS, HOLD, HOLD], 4)], axis=1)
     batch = scene(
         positions,

@@ -1,6 +1,7 @@
 """A twin's file: it comes back as it was, and nothing else is taken for one."""
 
 import dataclasses
+import hashlib
 import io
 import json
 import os
@@ -173,6 +174,28 @@ def test_a_twin_from_before_springs_gave_way_when_pressed_is_read():
     header = header_of(content)
     del header["parameters"]["compression_ratio"]
     assert decode_twin(with_header(content, header), name="it").model.parameters.compression_ratio == 1.0
+
+
+def test_a_twin_with_the_former_names_of_its_intrinsic_curvature_is_read():
+    content = encode_twin(make_twin())
+    header = header_of(content)
+    for name in ("intrinsic_curvature_level", "intrinsic_curvature_up"):
+        del header["parameters"][name]
+    header["parameters"].update(natural_bend_level=1.5, natural_bend_up=-0.25)
+    read = decode_twin(with_header(content, header), name="it").model.parameters
+    assert (read.intrinsic_curvature_level, read.intrinsic_curvature_up) == (1.5, -0.25)
+
+
+def test_a_twin_keeps_the_id_by_which_earlier_logs_name_it():
+    """The id is of the header as it was when intrinsic curvature was called natural bend."""
+    twin = make_twin()
+    header = twin.header()
+    parameters = header["parameters"]
+    parameters["natural_bend_level"] = parameters.pop("intrinsic_curvature_level")
+    parameters["natural_bend_up"] = parameters.pop("intrinsic_curvature_up")
+    content = b"".join(np.ascontiguousarray(array).tobytes() for array in twin.arrays().values())
+    former = hashlib.sha256(content + json.dumps(header, sort_keys=True).encode()).hexdigest()
+    assert twin.twin_id == former[:16]
 
 
 def test_arrays_that_do_not_fit_together_are_refused():

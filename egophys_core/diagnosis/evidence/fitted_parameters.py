@@ -73,8 +73,8 @@ def at_null(effect: Effect, values: Mapping[str, float]) -> dict[str, float]:
     return {**values, **{each.name: each.null for each in effect.parameters if each.null is not None}}
 
 
-def part_way(effect: Effect, there: Mapping[str, float], share: float) -> dict[str, float]:
-    """Parameters at a share, in steps, of the distance from no effect."""
+def at_share(effect: Effect, there: Mapping[str, float], share: float) -> dict[str, float]:
+    """Parameters of an effect at a share, in steps, of the distance from null."""
     null = at_null(effect, there)
     return {
         parameter.definition.name: parameter.value_at(

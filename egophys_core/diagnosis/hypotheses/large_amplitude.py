@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.fitted_parameters import at_null, part_way, with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import at_null, at_share, with_effect
 from egophys_core.diagnosis.evidence.linear_problem import LinearProblem, baseline_columns, left_out_losses
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
@@ -26,7 +26,7 @@ PROBED_STARTS = 2
 
 def at_large_amplitudes(model: ObjectModel, effect: Effect, start: Mapping[str, float]) -> list[ObjectModel]:
     """A model without the effect, with it at each amplitude that does not end at its bound where it vanishes."""
-    values = [part_way(effect, start, share) for share in AMPLITUDES]
+    values = [at_share(effect, start, share) for share in AMPLITUDES]
     return [with_effect(model, effect.name, each) for each in values if each != at_null(effect, each)]
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import (
     at_null,
+    at_share,
     effect_parameters,
-    part_way,
     sizes_of,
     with_effect,
 )
@@ -136,7 +136,7 @@ def probe_effects(
     planned = {effect.name: simulated_starts(effect, around) for effect in effects}
     secant = secant_of(observations)
     models = [
-        with_effect(model, effect.name, {**at_null(effect, start), name: part_way(effect, start, secant)[name]})
+        with_effect(model, effect.name, {**at_null(effect, start), name: at_share(effect, start, secant)[name]})
         for effect in effects
         for start in planned[effect.name][0]
         for name in sizes_of(effect)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.fitted_parameters import part_way, with_effect, with_values
+from egophys_core.diagnosis.evidence.fitted_parameters import at_share, with_effect, with_values
 from egophys_core.diagnosis.evidence.refit import Fitted, robust_loss
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.diagnosis.hypotheses.large_amplitude import there_and_beyond
@@ -40,7 +40,7 @@ def starts_beside(
     """
     effect = ranked.probe.effect
     baseline = np.array([parameter.position(before.model) for parameter in before.parameters])
-    optima = [part_way(effect, ranked.values, share) for share in SHARES]
+    optima = [at_share(effect, ranked.values, share) for share in SHARES]
     paths = [
         [
             with_effect(with_values(before.model, before.parameters, moved), effect.name, values)
@@ -71,7 +71,7 @@ def starts_from_rival(
     """
     effect, baseline = ranked.probe.effect, replace(rival, effects=rival.effects[:-1])
     paths = [
-        [with_effect(baseline, effect.name, part_way(effect, values, share)) for share in SHARES],
+        [with_effect(baseline, effect.name, at_share(effect, values, share)) for share in SHARES],
         *_afar(baseline, ranked),
     ]
     return _best_of_each(observations, paths, scale)

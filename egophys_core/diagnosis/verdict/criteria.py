@@ -49,7 +49,7 @@ def not_only_deflection(candidate: RefittedEffect, setting: Setting) -> Criterio
     rehearsed toy asks for an upward force of 1.6 to 2.9 m/s^2, also those that lack nothing.
     """
     name, is_vertical = "not_only_deflection", effect_named(candidate.name).traits.is_vertical
-    if is_vertical is never or kind_of(candidate.fitted.model).sag_is_evidence:
+    if is_vertical is never or kind_of(candidate.fitted.model).static_deflection_is_evidence:
         return not_asked(name, "more than the static deflection of a toy: not asked of this effect in this object")
     only = is_vertical(candidate.values)
     says = "only of its static deflection, which" if only else "of more than its static deflection, which alone"

@@ -16,8 +16,8 @@ REST_RATIO = 0.5 * math.pi
 """Pairs nearer at rest than this times their collision distance never collide. It is arc over chord of the tightest
 fold: a half circle whose sides are a collision distance apart."""
 
-WAY_TOLERANCE = 0.5
-"""Share of the straight way of a horizon by which a way may differ from it."""
+PATH_TOLERANCE = 0.5
+"""Share of the straight path of a horizon by which a path may differ from it."""
 
 ACCELERATION = 9.81
 """m/s^2. Relative acceleration that the search allows for besides: one node falls, the other does not."""
@@ -29,7 +29,7 @@ NOWHERE = 1.0e18
 """Metres or m/s: where an empty box begins. Its square is still a float32."""
 
 ROUNDING = 1.0001
-"""Boxes reach this much farther than the pairs in them, so that no pair is lost to rounding."""
+"""Boxes extend this much farther than the pairs in them, so that no pair is lost to rounding."""
 
 
 @wp.struct
@@ -70,8 +70,8 @@ class SearchArrays:
 
 @wp.func
 def tolerance(speed: float, horizon: float) -> float:
-    """Metres by which the way of a pair with some relative speed may differ from the straight one."""
-    return WAY_TOLERANCE * horizon * speed + 0.5 * ACCELERATION * horizon * horizon
+    """Metres by which the path of a pair with some relative speed may differ from the straight one."""
+    return PATH_TOLERANCE * horizon * speed + 0.5 * ACCELERATION * horizon * horizon
 
 
 @wp.func
@@ -88,7 +88,7 @@ def candidates(
 ) -> Lanes:
     """The collision distance where a pair may collide within the horizon, else 0 (also for NaN), metres.
 
-    It may if on straight ways, from d apart with the relative velocity u, it comes within distance + tolerance.
+    It may if on straight paths, from d apart with the relative velocity u, it comes within distance + tolerance.
     """
     result = Lanes()
     for lane in range(LANES):
@@ -105,7 +105,7 @@ def candidates(
 
 
 @wp.func
-def reach(wx: Lanes, wy: Lanes, wz: Lanes, speed: Lanes, distance: Lanes, horizon: float) -> Lanes:
+def search_distance(wx: Lanes, wy: Lanes, wz: Lanes, speed: Lanes, distance: Lanes, horizon: float) -> Lanes:
     """Metres within which nodes of two boxes may be candidates; 0 for a rollout without self-collision.
 
     w is the difference of the mean velocities, `speed` what single nodes may add to it, m/s.
@@ -113,8 +113,8 @@ def reach(wx: Lanes, wy: Lanes, wz: Lanes, speed: Lanes, distance: Lanes, horizo
     metres = Lanes()
     for lane in range(LANES):
         fastest = wp.sqrt(wx[lane] * wx[lane] + wy[lane] * wy[lane] + wz[lane] * wz[lane]) + speed[lane]
-        way = horizon * fastest + tolerance(fastest, horizon)
-        metres[lane] = wp.step(-distance[lane]) * ROUNDING * (distance[lane] + way)
+        farthest = horizon * fastest + tolerance(fastest, horizon)
+        metres[lane] = wp.step(-distance[lane]) * ROUNDING * (distance[lane] + farthest)
     return metres
 
 
@@ -147,7 +147,7 @@ def clusters_meet(group: int, cluster: int, partner: int, boxes: BoxArrays, dist
         gap(dx, boxes.halves[group, partner, 0] + boxes.halves[group, cluster, 0]),
         gap(dy, boxes.halves[group, partner, 1] + boxes.halves[group, cluster, 1]),
         gap(dz, boxes.halves[group, partner, 2] + boxes.halves[group, cluster, 2]),
-        reach(wx, wy, wz, speed, distance, horizon),
+        search_distance(wx, wy, wz, speed, distance, horizon),
     )
 
 
@@ -203,7 +203,7 @@ def mark_partners(
     vx = velocities[group, node, 0]
     vy = velocities[group, node, 1]
     vz = velocities[group, node, 2]
-    metres = reach(
+    metres = search_distance(
         boxes.velocities[group, partner, 0] - vx,
         boxes.velocities[group, partner, 1] - vy,
         boxes.velocities[group, partner, 2] - vz,

@@ -39,7 +39,7 @@ def adj_project_upward_force(height: Lanes, force: Lanes, projection: Lanes, thr
 
 @wp.func
 def collide(height: Lanes, vx: Lanes, vy: Lanes, vz: Lanes, dt: Lanes, restitution: Lanes, friction: Lanes):
-    """Velocity after the table and the way moved up, for a node that would cross it within `dt`.
+    """Velocity after the table and the displacement upwards, for a node that would cross it within `dt`.
 
     The normal speed is reversed and scaled by the restitution e; the tangential velocity loses what Coulomb
     friction takes for that normal impulse, mu (1 + e) |v_z|, at most all of it. The node falls until it

@@ -8,11 +8,11 @@ from egophys_core.diagnosis.direct.mounting import beside_mounting
 
 def test_of_a_mean_a_share_is_left_and_what_moves_stays():
     random = np.random.default_rng(0)
-    swing = random.normal(size=(2, 50, 3, 3))
-    swing -= swing.mean(axis=1, keepdims=True)
-    found = beside_mounting(swing + 0.01)
+    ring_down = random.normal(size=(2, 50, 3, 3))
+    ring_down -= ring_down.mean(axis=1, keepdims=True)
+    found = beside_mounting(ring_down + 0.01)
     assert found.mean(axis=1) == pytest.approx(0.2 * 0.01)
-    assert found - found.mean(axis=1, keepdims=True) == pytest.approx(swing)
+    assert found - found.mean(axis=1, keepdims=True) == pytest.approx(ring_down)
 
 
 def test_unseen_blocks_stay_unseen_and_count_nothing():

@@ -12,7 +12,7 @@ from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.effects import TwinEffect
 from egophys_core.episode import Episode
-from tests.diagnosis.cantilever import body_and_model, swinging, twin_of
+from tests.diagnosis.cantilever import body_and_model, ring_down_episode, twin_of
 
 RELAXES = {"ratio": 0.15, "time": 0.5}
 FLOWS = {"ratio": 0.5, "time": 8.0}
@@ -28,7 +28,7 @@ def records(*, numbers: tuple[tuple[str, float], ...] = ()) -> list[Episode]:
     random = np.random.default_rng(0)
     found = []
     for index, load in enumerate(LOADS_N):
-        episode = swinging(body, replace(model, effects=effects), load=load, frames=FRAMES)
+        episode = ring_down_episode(body, replace(model, effects=effects), load=load, frames=FRAMES)
         noise = random.normal(scale=1e-5, size=episode.points.shape)
         found.append(replace(episode, name=f"load {index}", points=(episode.points + noise).astype(np.float32)))
     return found
@@ -85,7 +85,7 @@ def test_what_is_no_oscillator_says_nothing() -> None:
     episodes = []
     for episode in records(numbers=tuple(RELAXES.items()))[:2]:
         points = episode.points.copy()
-        swing = np.ptp(points[:, :, 2])
-        points[..., 2] += (0.3 * swing * np.sin(9.0 * episode.times**1.5) * (episode.times > 0.5))[:, None]
+        extent = np.ptp(points[:, :, 2])
+        points[..., 2] += (0.3 * extent * np.sin(9.0 * episode.times**1.5) * (episode.times > 0.5))[:, None]
         episodes.append(replace(episode, points=points.astype(np.float32)))
     assert measured(episodes) == []

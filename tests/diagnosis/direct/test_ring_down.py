@@ -10,7 +10,7 @@ from egophys_core.diagnosis.direct.ring_down import RingDown, ring_down_of
 from egophys_core.diagnosis.direct.ring_down_fit import explained_ring_downs, fit_ring_downs, ring_down_gains
 from egophys_core.episode import Episode
 
-DEFLECTIONS_M, RATES, LM_DAMPINGS = (0.006, 0.012), (45.0, 25.0), (5.0, 3.0)
+DEFLECTIONS_M, RATES, DAMPING_RATES = (0.006, 0.012), (45.0, 25.0), (5.0, 3.0)
 """Of two records: metres, rad/s, 1/s."""
 
 NOISE_M = 1e-5
@@ -28,7 +28,7 @@ def record(index: int, *, ratio: float, time: float, seconds: float = 4.0, flows
         seconds: how long.
         flows: m/s at which its middle e sinks besides.
     """
-    rate, damping, deflection = RATES[index], LM_DAMPINGS[index], DEFLECTIONS_M[index]
+    rate, damping, deflection = RATES[index], DAMPING_RATES[index], DEFLECTIONS_M[index]
 
     def change(t: float, state: np.ndarray) -> list[float]:
         place, speed, relaxed = state

@@ -51,7 +51,7 @@ def test_a_step_stays_within_its_bounds_and_the_others_make_up_for_it():
     assert fit(problem.residual, bounded, SCALE) == pytest.approx([1.5, 0.0], abs=0.2)
 
 
-def test_trusted_steps_stop_at_their_reach_and_free_ones_do_not():
+def test_trusted_steps_stop_at_their_trust_and_free_ones_do_not():
     columns = random_columns(1)
     problem = problem_with(columns, [5.0])
     values = problem.column(columns)
@@ -61,11 +61,11 @@ def test_trusted_steps_stop_at_their_reach_and_free_ones_do_not():
     assert np.isinf([free_columns(values).low, free_columns(values).high]).all()
 
 
-def test_each_column_may_have_a_reach_of_its_own():
+def test_each_column_may_have_a_trust_of_its_own():
     columns = random_columns()
     problem = problem_with(columns, [3.0, -1.0])
-    reach = np.array([2.0, np.inf])
-    assert fit(problem.residual, trusted_columns(problem.column(columns), reach), SCALE) == pytest.approx(
+    trust = np.array([2.0, np.inf])
+    assert fit(problem.residual, trusted_columns(problem.column(columns), trust), SCALE) == pytest.approx(
         [2.0, -1.0], abs=0.2
     )
 

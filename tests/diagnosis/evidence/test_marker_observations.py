@@ -22,8 +22,8 @@ from tests.diagnosis.cantilever import (
     TEMPLATE,
     TRACKS,
     body_and_model,
+    ring_down_episode,
     still_episode,
-    swinging,
     twin_of,
 )
 from tests.kinds.seen_markers import marker_body, place_markers
@@ -32,19 +32,19 @@ from tests.kinds.seen_markers import marker_body, place_markers
 @pytest.fixture(scope="module")
 def cantilever() -> tuple[MarkerBody, ObjectModel, Episode]:
     body, model = body_and_model()
-    return body, model, swinging(body, model)
+    return body, model, ring_down_episode(body, model)
 
 
-def test_free_rollout_from_the_turn_follows_the_swing(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
+def test_free_rollout_from_the_turn_follows_the_ring_down(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, model, episode = cantilever
     observation = observe_markers(twin_of(body, model), episode)
     found = block_means(observation, track_offsets(observation, [model])[0])
-    swing = np.ptp(episode.points[:, :, 2].mean(axis=1))
+    extent = np.ptp(episode.points[:, :, 2].mean(axis=1))
     # Bent by its markers it is not quite as gravity bent it, and higher modes are not at rest.
-    assert np.nanmax(np.abs(found)) < 0.05 * swing
+    assert np.nanmax(np.abs(found)) < 0.05 * extent
 
 
-def test_a_record_mounted_anew_says_as_much_of_the_swing(
+def test_a_record_mounted_anew_says_as_much_of_the_ring_down(
     cantilever: tuple[MarkerBody, ObjectModel, Episode],
 ) -> None:
     """What a turn of the clamp by 0.7 degrees moves is set aside for the most part; a wrong stiffness is not."""
@@ -80,10 +80,10 @@ def test_what_hands_move_is_not_mounted_anew(cantilever: tuple[MarkerBody, Objec
     assert moved[3:] == pytest.approx(0.003, abs=1e-5)
 
 
-def test_slopes_of_effects_on_a_swing_are_those_near_none(
+def test_slopes_of_effects_on_a_ring_down_are_those_near_none(
     cantilever: tuple[MarkerBody, ObjectModel, Episode],
 ) -> None:
-    """Material that is stiffer along the beam makes its swing faster: where a search for it starts the swing
+    """Material that is stiffer along the beam makes its ring-down faster: where a search for it starts that
     is out of step, and tells nothing of a little of it."""
     body, model, episode = cantilever
     observation = observe_markers(twin_of(body, model), episode)

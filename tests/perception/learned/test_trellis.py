@@ -14,7 +14,7 @@ from tests.perception.learned.test_shape_alignment import put, toy
 BOX = np.argwhere(np.ones((10, 6, 4), bool)) + [20, 30, 40]
 
 
-class StandIn:
+class TrellisStandIn:
     """Steps of `TrellisImageTo3DPipeline` that the adapter calls, with checks of what they are given."""
 
     def __init__(self, torch, voxels: np.ndarray) -> None:
@@ -79,7 +79,7 @@ def test_a_shape_of_something_else_is_refused():
 
 def test_the_surface_comes_from_the_first_stage_and_the_seed_is_used():
     torch = pytest.importorskip("torch", reason="torch is not installed (pip install .[learned])")
-    pipeline = StandIn(torch, BOX)
+    pipeline = TrellisStandIn(torch, BOX)
     model = Trellis(pipeline)
     image, mask = image_and_mask()
     points = model.surface(image, mask, seed=3)
@@ -93,9 +93,9 @@ def test_nothing_to_complete_and_nothing_made_are_told():
     torch = pytest.importorskip("torch", reason="torch is not installed (pip install .[learned])")
     image, mask = image_and_mask()
     with pytest.raises(EpisodeError, match="mask is empty"):
-        Trellis(StandIn(torch, BOX)).surface(image, np.zeros_like(mask))
+        Trellis(TrellisStandIn(torch, BOX)).surface(image, np.zeros_like(mask))
     with pytest.raises(EpisodeError, match="seed 0; try another"):
-        Trellis(StandIn(torch, BOX[:0])).surface(image, mask)
+        Trellis(TrellisStandIn(torch, BOX[:0])).surface(image, mask)
 
 
 def test_loading_says_what_is_missing_before_anything_is_read(tmp_path, monkeypatch):

@@ -37,7 +37,7 @@ def quaternion(rotation: np.ndarray) -> np.ndarray:
     return np.linalg.eigh(k)[1][:, -1]
 
 
-class StandIn(torch.nn.Module):
+class VggtStandIn(torch.nn.Module):
     """Tells the views by the red channel, which holds their number."""
 
     def __init__(self, *, certainty: float = 20.0, unit_of: list[float] | None = None, motion: float = 1.0) -> None:
@@ -80,7 +80,7 @@ def largest_error(maps, poses) -> float:
 @pytest.mark.parametrize("views", [0, 1, 2, 4, 5, 9])
 @pytest.mark.parametrize(("window", "overlap"), [(1, 0), (4, 0), (4, 2), (3, 1), (16, 4)])
 def test_every_view_gets_its_map_once_and_in_order(views, window, overlap):
-    model = StandIn()
+    model = VggtStandIn()
     mapper = Vggt(model, window=window, overlap=overlap)
     maps = list(mapper.point_maps(view_at(index) for index in range(views)))
     assert len(maps) == len(mapper.poses) == views
@@ -100,13 +100,13 @@ def test_views_are_taken_only_as_far_as_they_are_needed():
             taken.append(index)
             yield view_at(index)
 
-    maps = Vggt(StandIn(), window=4, overlap=1).point_maps(views())
+    maps = Vggt(VggtStandIn(), window=4, overlap=1).point_maps(views())
     next(maps)
     assert len(taken) == 4
 
 
 def test_a_view_without_a_pose_gets_one_from_the_others():
-    mapper = Vggt(StandIn(), window=4, overlap=1)
+    mapper = Vggt(VggtStandIn(), window=4, overlap=1)
     maps = list(mapper.point_maps(view_at(index, has_pose=index not in (0, 5, 6)) for index in range(8)))
     poses = [pose_at(index) for index in range(8)]
     assert largest_error(maps, poses) < 1e-4
@@ -114,13 +114,13 @@ def test_a_view_without_a_pose_gets_one_from_the_others():
 
 
 def test_with_a_still_head_a_lost_board_is_bridged_by_the_views_shared_although_the_unit_changes():
-    mapper = Vggt(StandIn(unit_of=[4.3, 0.7, 2.0], motion=0.0), window=4, overlap=2)
+    mapper = Vggt(VggtStandIn(unit_of=[4.3, 0.7, 2.0], motion=0.0), window=4, overlap=2)
     maps = list(mapper.point_maps(view_at(index, has_pose=index < 3, motion=0.0) for index in range(8)))
     assert largest_error(maps, [pose_at(0)] * 8) < 1e-4
 
 
 def test_where_no_table_is_believed_the_motion_of_the_camera_tells_the_scale():
-    moving = Vggt(StandIn(motion=5.0), window=6, table_area=(8, 9, 8, 9))
+    moving = Vggt(VggtStandIn(motion=5.0), window=6, table_area=(8, 9, 8, 9))
     maps = list(moving.point_maps(view_at(index, motion=5.0) for index in range(6)))
     assert largest_error(maps, [pose_at(index, motion=5.0) for index in range(6)]) < 1e-4
 
@@ -131,7 +131,7 @@ def test_without_a_board_a_known_length_gives_metres_and_the_table_is_level():
     points = true_points(pose)
     metres = float(np.linalg.norm(points[50, 5] - points[52, 50]))
     mapper = Vggt(
-        StandIn(), window=3, overlap=1, known_length=KnownLength(first=ends[0], second=ends[1], metres=metres)
+        VggtStandIn(), window=3, overlap=1, known_length=KnownLength(first=ends[0], second=ends[1], metres=metres)
     )
     maps = list(mapper.point_maps(view_at(index, has_pose=False) for index in range(5)))
     for index, each in enumerate(maps):
@@ -145,11 +145,11 @@ def test_without_a_board_a_known_length_gives_metres_and_the_table_is_level():
 
 def test_without_board_and_length_it_is_said_what_to_do():
     with pytest.raises(EpisodeError, match=r"arbitrary.*known length"):
-        list(Vggt(StandIn(), window=2).point_maps(view_at(index, has_pose=False) for index in range(4)))
+        list(Vggt(VggtStandIn(), window=2).point_maps(view_at(index, has_pose=False) for index in range(4)))
 
 
 def test_views_that_cannot_be_anchored_are_unknown_and_do_not_end_the_run():
-    maps = list(Vggt(StandIn()).point_maps(view_at(index, has_pose=index != 1) for index in range(3)))
+    maps = list(Vggt(VggtStandIn()).point_maps(view_at(index, has_pose=index != 1) for index in range(3)))
     assert np.isnan(maps[1].points).all()
     assert not maps[1].confidence.any()
     assert np.isfinite(maps[2].points).all()
@@ -157,7 +157,7 @@ def test_views_that_cannot_be_anchored_are_unknown_and_do_not_end_the_run():
 
 def test_what_the_model_does_not_believe_gives_no_scale():
     with pytest.raises(EpisodeError, match="arbitrary"):
-        list(Vggt(StandIn(certainty=1.0)).point_maps([view_at(0)]))
+        list(Vggt(VggtStandIn(certainty=1.0)).point_maps([view_at(0)]))
 
 
 @pytest.mark.parametrize(
@@ -181,13 +181,13 @@ def test_images_must_be_of_whole_patches():
         stamp_ns=0, image=view.image[:-1], camera_matrix=view.camera_matrix, world_from_camera=view.world_from_camera
     )
     with pytest.raises(EpisodeError, match="multiples of 14, got \\(55, 56\\)"):
-        list(Vggt(StandIn()).point_maps([odd]))
+        list(Vggt(VggtStandIn()).point_maps([odd]))
 
 
 @pytest.mark.parametrize(("window", "overlap"), [(1, 1), (4, 4), (4, -1), (0, 0)])
 def test_windows_that_do_not_advance_are_refused(window, overlap):
     with pytest.raises(OptionsError, match="overlap"):
-        Vggt(StandIn(), window=window, overlap=overlap)
+        Vggt(VggtStandIn(), window=window, overlap=overlap)
 
 
 @pytest.mark.parametrize(
@@ -200,7 +200,7 @@ def test_windows_that_do_not_advance_are_refused(window, overlap):
 )
 def test_a_known_length_must_be_in_the_view_and_above_0(length):
     with pytest.raises(EpisodeError, match="known length"):
-        list(Vggt(StandIn(), known_length=length).point_maps([view_at(0, has_pose=False)]))
+        list(Vggt(VggtStandIn(), known_length=length).point_maps([view_at(0, has_pose=False)]))
 
 
 def test_the_missing_package_and_missing_weights_are_told(tmp_path):

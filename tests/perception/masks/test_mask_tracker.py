@@ -93,7 +93,7 @@ def test_object_hidden_for_a_second_comes_back(push):
 def test_prior_of_the_caller_replaces_the_flow():
     view, truth = draw(Scene(), 0)
     tracker = MaskTracker(view, truth.object)
-    # A leap of 27 frames: the flow cannot follow, a predicted silhouette can.
+    # A gap of 27 frames: the flow cannot follow, a predicted silhouette can.
     later, moved = draw(Scene(hand_frames=(-20, -15)), 27)
     masks = tracker.next(later, object_prior=moved.object)
     assert region_similarity(masks.object, moved.object) > 0.9

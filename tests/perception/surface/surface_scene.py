@@ -39,7 +39,7 @@ _SUN = np.array([0.3, -0.2, 0.93])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class DrawnFrame:
     """One frame and its truth."""
 
     stamp_ns: int
@@ -76,7 +76,7 @@ KINDS = {
 @cache
 def video(
     kind: str = "sheet", *, hand: bool = True, covered: tuple[int, int] | None = None, seconds: bool = False
-) -> tuple[Frame, ...]:
+) -> tuple[DrawnFrame, ...]:
     """The frames of a scene; drawn once.
 
     Args:
@@ -91,7 +91,7 @@ def video(
 
 def bag(
     folder: Path,
-    frames: Sequence[Frame],
+    frames: Sequence[DrawnFrame],
     *,
     spoil: Callable[[int, np.ndarray], np.ndarray | None] | None = None,
     raw: bool = False,
@@ -153,7 +153,7 @@ def tracked() -> tuple[SurfaceState, ...]:
     return tuple(tracker.next(each.view, each.masks) for each in frames[rest.reference + 1 :])
 
 
-def surface(frame: Frame) -> np.ndarray:
+def surface(frame: DrawnFrame) -> np.ndarray:
     """[513 * 513, 3] metres: the drawn surface, half a millimetre apart, of the same material in every frame."""
     grid = frame.points.reshape(_GRID, _GRID, 3)
     for _ in range(4):
@@ -161,7 +161,7 @@ def surface(frame: Frame) -> np.ndarray:
     return grid.reshape(-1, 3)
 
 
-def material_of(points: np.ndarray, frame: Frame) -> np.ndarray:
+def material_of(points: np.ndarray, frame: DrawnFrame) -> np.ndarray:
     """[N] indices into `surface` of the material nearest to points [N, 3], metres, in a frame."""
     return np.asarray(cKDTree(surface(frame)).query(points)[1])
 
@@ -184,7 +184,7 @@ class _Patch:
     """[H, W, 3] float32."""
 
 
-def _draw(kind: _Kind, frame: int, hand: bool, covered: tuple[int, int] | None, seconds: bool) -> Frame:
+def _draw(kind: _Kind, frame: int, hand: bool, covered: tuple[int, int] | None, seconds: bool) -> DrawnFrame:
     time = frame / RATE
     share = np.clip((frame - STILL_FRAMES - COME_FRAMES) / (MOVE_FRAMES - 1), 0, 1) if hand else 0.0
     share = 0.6 * float(share * share * (3 - 2 * share))
@@ -212,7 +212,7 @@ def _draw(kind: _Kind, frame: int, hand: bool, covered: tuple[int, int] | None, 
     image = cv2.GaussianBlur(image, (0, 0), 0.6)
     noise = np.random.default_rng([7, frame]).normal(0, 1.5, image.shape)
     owner = owner[::_SAMPLES, ::_SAMPLES]
-    return Frame(
+    return DrawnFrame(
         stamp_ns=START_NS + round(time * 1e9),
         image=(image + noise).clip(0, 255).round().astype(np.uint8),
         world_from_camera=pose,

@@ -59,13 +59,13 @@ def test_shaken_node_swings_with_the_amplitude_of_a_driven_oscillator():
 def test_between_frames_a_controller_moves_smoothly():
     # Frames of 1/30 s against frames of 1/600 s of the same motion, both with substeps of 1/600 s. The Hermite
     # curve through frames h apart is off by at most h^4 max|p''''| / 384 + the error of its end slopes.
-    def swing(dt: float) -> np.ndarray:
+    def motion(dt: float) -> np.ndarray:
         times = frame_times(1.0, dt)
         path = np.stack([0.02 + 0.05 * (1 - np.cos(3 * times)), 0 * times, 0 * times], axis=1)
         batch = scene([[0, 0, 0]], moving_controls(times, path), mass=0.05, damping=0.2, controller_stiffness=30.0)
         return rollout(batch).positions[0, -1, 0]
 
-    assert swing(FPS) == pytest.approx(swing(1 / 600), abs=2e-4)
+    assert motion(FPS) == pytest.approx(motion(1 / 600), abs=2e-4)
 
 
 def hold_between(times: np.ndarray, begin: int, end: int) -> np.ndarray:

@@ -42,11 +42,11 @@ def test_force_that_depends_on_time_acts_as_long_as_it_should_with_the_numbers_o
     result = rollout(batch)
     for row, (jerk, end) in enumerate(zip(jerks, np.minimum(ends, duration), strict=True)):
         speed = jerk * end**2 / 2
-        way = jerk * end**3 / 6 + speed * (duration - end)
+        displacement = jerk * end**3 / 6 + speed * (duration - end)
         tolerance = np.abs(jerk).max() * end * DT
         assert result.velocities[row] == pytest.approx(np.tile(speed, (2, 1)), abs=tolerance)
         moved = result.positions[row, -1] - result.positions[row, 0]
-        assert moved == pytest.approx(np.tile(way, (2, 1)), abs=tolerance * duration)
+        assert moved == pytest.approx(np.tile(displacement, (2, 1)), abs=tolerance * duration)
 
 
 def test_force_that_depends_on_position_and_velocity_swings_each_rollout_at_its_own_rate():
@@ -58,9 +58,9 @@ def test_force_that_depends_on_position_and_velocity_swings_each_rollout_at_its_
     for row, (stiffness, damping) in enumerate(tethers):
         rate = damping / (2 * mass)
         omega = np.sqrt(stiffness / mass - rate**2)
-        swing = 0.1 * np.exp(-rate * times) * (np.cos(omega * times) + rate / omega * np.sin(omega * times))
-        assert np.abs(positions[row, :, 0, 0] - swing).max() < 0.1 * omega * DT
-        assert np.abs(positions[row, :, 1, 1] - swing).max() < 0.1 * omega * DT
+        oscillation = 0.1 * np.exp(-rate * times) * (np.cos(omega * times) + rate / omega * np.sin(omega * times))
+        assert np.abs(positions[row, :, 0, 0] - oscillation).max() < 0.1 * omega * DT
+        assert np.abs(positions[row, :, 1, 1] - oscillation).max() < 0.1 * omega * DT
 
 
 def test_time_is_counted_from_the_start_of_the_rollout():

@@ -29,19 +29,19 @@ UNEVEN = np.concatenate([EVEN[:5], np.linspace(EVEN[4], EVEN[15], 15)[1:], EVEN[
 """Metres along the rod of its nodes, the first two of which are clamped."""
 
 
-def rod(reaches: np.ndarray, **changes: float) -> ObjectModel:
+def rod(arc_lengths: np.ndarray, **changes: float) -> ObjectModel:
     """Along x, with what is clamped in front of the origin."""
-    lengths = np.diff(reaches)
-    positions = np.stack([reaches, *np.zeros((2, len(reaches)))], axis=1).astype(np.float32)
+    lengths = np.diff(arc_lengths)
+    positions = np.stack([arc_lengths, *np.zeros((2, len(arc_lengths)))], axis=1).astype(np.float32)
     stiffness = (200.0 / lengths).astype(np.float32)
     return ObjectModel(
         kind="rod",
         graph=SpringGraph(
             positions=positions,
-            springs=chain(len(reaches)),
+            springs=chain(len(arc_lengths)),
             kinds=np.zeros(len(lengths), np.uint8),
             rest_lengths=lengths.astype(np.float32),
-            surface=np.ones(len(reaches), bool),
+            surface=np.ones(len(arc_lengths), bool),
         ),
         parameters=parameters(
             total_mass=MASS,
@@ -55,10 +55,10 @@ def rod(reaches: np.ndarray, **changes: float) -> ObjectModel:
     )
 
 
-def clamp(reaches: np.ndarray, times: np.ndarray) -> Controls:
+def clamp(arc_lengths: np.ndarray, times: np.ndarray) -> Controls:
     """The first two nodes held where they are."""
     held = np.zeros((len(times), 2, 3), np.float32)
-    held[:, :, 0] = reaches[:2]
+    held[:, :, 0] = arc_lengths[:2]
     contact = np.full(held.shape[:2], ContactKind.HOLD, np.uint8)
     return Controls(times=times, positions=held, contact=contact)
 
@@ -69,29 +69,31 @@ def thrown(model: ObjectModel, controls: Controls, start: np.ndarray, velocities
     return replace(batch, velocities=velocities[None].astype(np.float32))
 
 
-def first_mode(reaches: np.ndarray) -> tuple[np.ndarray, float]:
+def first_mode(arc_lengths: np.ndarray) -> tuple[np.ndarray, float]:
     """[N] the shape of the first mode, 1 at the tip, and its rate in rad/s.
 
     At the clamp's inner node the rod turns over half a piece on either side, so it bends from half a piece before on.
     """
     length = LENGTH + PIECE / 2
-    at = FIRST_MODE * np.clip(reaches + PIECE / 2, 0.0, None) / length
+    at = FIRST_MODE * np.clip(arc_lengths + PIECE / 2, 0.0, None) / length
     at[:2] = 0.0
     ratio = (np.cosh(FIRST_MODE) + np.cos(FIRST_MODE)) / (np.sinh(FIRST_MODE) + np.sin(FIRST_MODE))
     shape = np.cosh(at) - np.cos(at) - ratio * (np.sinh(at) - np.sin(at))
-    per_length = MASS / np.ptp(reaches)
+    per_length = MASS / np.ptp(arc_lengths)
     return shape / shape[-1], float((FIRST_MODE / length) ** 2 * np.sqrt(RIGIDITY / per_length))
 
 
-@pytest.mark.parametrize("reaches", [EVEN, UNEVEN], ids=["even", "uneven"])
+@pytest.mark.parametrize("arc_lengths", [EVEN, UNEVEN], ids=["even", "uneven"])
 @pytest.mark.parametrize("retardation_time", [0.0, 0.01])
-def test_first_mode_of_a_cantilever_swings_and_fades_as_a_beam(reaches: np.ndarray, retardation_time: float) -> None:
+def test_first_mode_of_a_cantilever_swings_and_fades_as_a_beam(
+    arc_lengths: np.ndarray, retardation_time: float
+) -> None:
     """y = v / w' exp(-b t) sin(w' t), b = time w^2 / 2: a beam of Kelvin and Voigt's material."""
-    shape, rate = first_mode(reaches)
+    shape, rate = first_mode(arc_lengths)
     times = frame_times(2 * np.pi / rate, 0.005)
-    model = rod(reaches, retardation_time=retardation_time)
+    model = rod(arc_lengths, retardation_time=retardation_time)
     velocities = np.outer(0.05 * shape, [0.0, 0.0, 1.0])
-    result = rollout(thrown(model, clamp(reaches, times), model.graph.positions, velocities))
+    result = rollout(thrown(model, clamp(arc_lengths, times), model.graph.positions, velocities))
     fading = retardation_time * rate**2 / 2
     damped = np.sqrt(rate**2 - fading**2)
     expected = 0.05 / damped * np.exp(-fading * times) * np.sin(damped * times)
@@ -113,7 +115,7 @@ def test_what_is_bent_and_carried_round_is_not_damped() -> None:
     )
     result = rollout(thrown(weak, controls, arc, spin * np.cross([0.0, 0.0, 1.0], arc)))
     expected = spin * np.cross([0.0, 0.0, 1.0], result.positions[0, -1])
-    # Nothing but the springs' pull bends it on its way: of second order in the time.
+    # Nothing but the springs' pull bends it as it goes: of second order in the time.
     assert np.abs(result.velocities[0] - expected).max() < 0.06 * spin * 0.5
 
 

@@ -1,4 +1,4 @@
-"""How the sections of a rod are turned, against the least of the energy that says so, and the forces of that."""
+"""How the material frames of a rod are turned, against the least of the energy that says so, and the forces of that."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ from scipy.optimize import minimize
 
 from egophys_core.lanes import unpack
 from egophys_core.simulation.device_arrays import state_arrays
+from egophys_core.simulation.terms.material_frames import ANGLE, settle_material_frames
 from egophys_core.simulation.terms.rod_bending import TORSION_RATIO, rod_arrays, rod_bending
-from egophys_core.simulation.terms.rod_sections import ANGLE, settle_sections
 from egophys_core.twin import level_axes
 from tests.simulation.scenes import parameters
 
@@ -23,44 +23,44 @@ def wound_line() -> np.ndarray:
     angles = np.linspace(-1.1, 1.1, NODES)
     radius = LENGTH / 2.2
     line = np.stack([radius * np.sin(angles), 0.04 * np.sin(2.0 * angles), -radius * np.cos(angles)], axis=1)
-    ways = np.diff(line, axis=0)
-    steps = PIECE * ways / np.linalg.norm(ways, axis=1)[:, None]
+    edges = np.diff(line, axis=0)
+    steps = PIECE * edges / np.linalg.norm(edges, axis=1)[:, None]
     return np.concatenate([line[:1], line[0] + np.cumsum(steps, axis=0)])
 
 
-def turned(first: np.ndarray, second: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A vector after the least rotation of one direction into another."""
+def parallel_transport(first: np.ndarray, second: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """A vector after the smallest rotation of one direction into another."""
     axis = np.cross(first, second)
     return vector + np.cross(axis, vector) + np.cross(axis, np.cross(axis, vector)) / (1.0 + first @ second)
 
 
-def energy(line: np.ndarray, angles: np.ndarray, axis: np.ndarray, bend: np.ndarray) -> float:
-    """J: what twist stores less what the natural bend gives, with angles [N - 1] of the pieces."""
-    ways = np.diff(line, axis=0)
-    directions = ways / np.linalg.norm(ways, axis=1)[:, None]
-    sides = [turned(axis, direction, level_axes(axis)[1]) for direction in directions]
+def energy(line: np.ndarray, angles: np.ndarray, axis: np.ndarray, curvature: np.ndarray) -> float:
+    """J: what twist stores less what the intrinsic curvature gives, with angles [N - 1] of the pieces."""
+    edges = np.diff(line, axis=0)
+    directions = edges / np.linalg.norm(edges, axis=1)[:, None]
+    sides = [parallel_transport(axis, direction, level_axes(axis)[1]) for direction in directions]
     total = 0.0
-    for node in range(len(ways) - 1):
+    for node in range(len(edges) - 1):
         before, onward = directions[node], directions[node + 1]
-        carried = turned(before, onward, sides[node])
+        carried = parallel_transport(before, onward, sides[node])
         twist = np.arctan2(np.cross(carried, sides[node + 1]) @ onward, carried @ sides[node + 1])
         total += TORSION_RATIO * RIGIDITY * (angles[node + 1] - angles[node] + twist) ** 2 / (2.0 * PIECE)
         here = (before + onward) / np.linalg.norm(before + onward)
-        natural = turned(axis, here, bend)
+        intrinsic = parallel_transport(axis, here, curvature)
         middle = 0.5 * (angles[node] + angles[node + 1])
-        natural = np.cos(middle) * natural + np.sin(middle) * np.cross(here, natural)
-        total -= RIGIDITY * (ways[node + 1] - ways[node]) @ natural / PIECE
+        intrinsic = np.cos(middle) * intrinsic + np.sin(middle) * np.cross(here, intrinsic)
+        total -= RIGIDITY * (edges[node + 1] - edges[node]) @ intrinsic / PIECE
     return total
 
 
-def at_rest(line: np.ndarray, axis: np.ndarray, bend: np.ndarray, far: bool) -> tuple[np.ndarray, float]:
+def at_rest(line: np.ndarray, axis: np.ndarray, curvature: np.ndarray, far: bool) -> tuple[np.ndarray, float]:
     """[N - 1] angles of the pieces that store least, and how much that is."""
     free = slice(1, NODES - 2 if far else NODES - 1)
 
     def stored(some: np.ndarray) -> float:
         angles = np.zeros(NODES - 1)
         angles[free] = some
-        return energy(line, angles, axis, bend) / RIGIDITY
+        return energy(line, angles, axis, curvature) / RIGIDITY
 
     found = minimize(stored, np.zeros(NODES - 3 if far else NODES - 2), method="BFGS", options={"gtol": 1e-7})
     angles = np.zeros(NODES - 1)
@@ -68,12 +68,12 @@ def at_rest(line: np.ndarray, axis: np.ndarray, bend: np.ndarray, far: bool) -> 
     return angles, float(found.fun * RIGIDITY)
 
 
-def settled(line: np.ndarray, bend: tuple[float, float], far: bool) -> tuple[np.ndarray, np.ndarray]:
+def settled(line: np.ndarray, curvature: tuple[float, float], far: bool) -> tuple[np.ndarray, np.ndarray]:
     """[N - 1] angles of the pieces and [N, 3] forces on the nodes, N, as the simulator finds them in some frames."""
-    level, up = bend
+    level, up = curvature
     masses = np.full((1, NODES), 1e-3)
     rods = rod_bending(
-        [parameters(flexural_rigidity=RIGIDITY, natural_bend_level=level, natural_bend_up=up)],
+        [parameters(flexural_rigidity=RIGIDITY, intrinsic_curvature_level=level, intrinsic_curvature_up=up)],
         np.full((1, NODES - 1), PIECE),
         masses,
         line[None],
@@ -82,35 +82,35 @@ def settled(line: np.ndarray, bend: tuple[float, float], far: bool) -> tuple[np.
     arrays = rod_arrays(rods, "cpu")
     state = state_arrays(line[None], np.zeros((1, NODES, 3)), "cpu")
     for _ in range(5):
-        wp.launch(settle_sections, 1, inputs=[NODES, state, arrays], device="cpu")
-    return unpack(arrays.sections.numpy(), 1)[0, 1:, ANGLE], unpack(arrays.forces.numpy(), 1)[0]
+        wp.launch(settle_material_frames, 1, inputs=[NODES, state, arrays], device="cpu")
+    return unpack(arrays.material_frames.numpy(), 1)[0, 1:, ANGLE], unpack(arrays.forces.numpy(), 1)[0]
 
 
 @pytest.mark.parametrize("far", [True, False], ids=["two clamps", "a free end"])
-@pytest.mark.parametrize("bend", [(0.0, 0.0), (2.0, -1.0), (0.5, 3.0)])
-def test_sections_are_turned_to_where_least_is_stored(bend: tuple[float, float], far: bool) -> None:
+@pytest.mark.parametrize("curvature", [(0.0, 0.0), (2.0, -1.0), (0.5, 3.0)])
+def test_material_frames_are_turned_to_where_least_is_stored(curvature: tuple[float, float], far: bool) -> None:
     line = wound_line()
     axes = level_axes(line[-1] - line[0])
-    expected, _ = at_rest(line, axes[0], bend[0] * axes[1] + bend[1] * axes[2], far)
-    angles, _ = settled(line, bend, far)
+    expected, _ = at_rest(line, axes[0], curvature[0] * axes[1] + curvature[1] * axes[2], far)
+    angles, _ = settled(line, curvature, far)
     assert np.abs(expected).max() > 0.01
     assert angles == pytest.approx(expected, abs=0.01 * np.abs(expected).max() + 1e-3)
 
 
-@pytest.mark.parametrize("bend", [(0.0, 0.0), (2.0, -1.0)], ids=["twist alone", "bent by nature"])
-def test_forces_are_the_slopes_of_what_is_stored(bend: tuple[float, float]) -> None:
-    """On nodes that are not a clamp's; those of one say how its section is held."""
+@pytest.mark.parametrize("curvature", [(0.0, 0.0), (2.0, -1.0)], ids=["twist alone", "intrinsic curvature"])
+def test_forces_are_the_slopes_of_what_is_stored(curvature: tuple[float, float]) -> None:
+    """On nodes that are not a clamp's; those of one say how its material frame is held."""
     line = wound_line()
     axes = level_axes(line[-1] - line[0])
-    natural = bend[0] * axes[1] + bend[1] * axes[2]
-    _, forces = settled(line, bend, True)
-    nudge = 1e-4
+    intrinsic = curvature[0] * axes[1] + curvature[1] * axes[2]
+    _, forces = settled(line, curvature, True)
+    step = 1e-4
     for node in (3, 7):
         slopes = np.zeros(3)
         for coordinate in range(3):
             there, back = line.copy(), line.copy()
-            there[node, coordinate] += nudge
-            back[node, coordinate] -= nudge
-            rise = at_rest(there, axes[0], natural, True)[1] - at_rest(back, axes[0], natural, True)[1]
-            slopes[coordinate] = rise / (2.0 * nudge)
+            there[node, coordinate] += step
+            back[node, coordinate] -= step
+            rise = at_rest(there, axes[0], intrinsic, True)[1] - at_rest(back, axes[0], intrinsic, True)[1]
+            slopes[coordinate] = rise / (2.0 * step)
         assert forces[node] == pytest.approx(-slopes, abs=0.05 * np.abs(slopes).max())

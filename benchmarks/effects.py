@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.effects import LIBRARY, Surroundings, TwinEffect
-from egophys_core.identification import FitOptions, build_twin
+from egophys_core.identification import FitOptions, build
 from egophys_core.observation.problem import FitProblem, prepare
 from egophys_core.recording import read_episode
 from egophys_core.simulation import RolloutBatch, batch_of_models, rollout
@@ -24,7 +24,7 @@ ROLLOUTS, FRAMES, ROUNDS = 16, 30, 5
 def run() -> dict[str, Any]:
     """Measure; the keys of `results/effects.json`."""
     episode = read_episode(EPISODE)
-    model = build_twin([episode], FitOptions(generations=1), seed=0).model
+    model = build([episode], FitOptions(generations=1), seed=0).model
     spacing = float(np.median(model.graph.rest_lengths))
     problem = prepare(episode, model.graph.positions, model.graph.surface, spacing=spacing)
     known = Surroundings(

@@ -27,6 +27,7 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any], Mapping[str, str]], str]]
     "cable": ("cable", tables.cable_table),
     "cost": ("cost", tables.cost_table),
     "simulation": ("physics", tables.simulation_table),
+    "effects": ("effects", tables.effects_table),
 }
 """By the name in the text: the result file that a table is of, and what makes it of that file's content and of commits'
 dates."""

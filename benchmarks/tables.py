@@ -75,6 +75,20 @@ def cost_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
     return table(["points", "episodes", "candidates", "elapsed", "CPU time", "over the yardstick's"], rows)
 
 
+def effects_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """What each effect that acts in the simulator costs."""
+    rows = [
+        [
+            name.replace("_", " "),
+            f"{row['cpu_ratio']:.2f}",
+            f"{row['substeps_ratio']:.2f}",
+            f"{row['threads_busy']:.1f}",
+        ]
+        for name, row in result["effects"].items()
+    ]
+    return table(["effect", "CPU time over that without it", "substeps over those without it", "threads busy"], rows)
+
+
 def diagnoses_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
     """What was said of each recorded case, and errors on the episodes that were not fitted."""
     keys = ("track_before_m", "track_after_m", "chamfer_before_m", "chamfer_after_m")

@@ -87,11 +87,11 @@ def run(parsed: argparse.Namespace) -> int:
 
 
 def _print_summary(diagnosis: "Diagnosis") -> None:
-    from egophys_core.diagnosis.saving import EFFECT_TEXTS
+    from egophys_core.diagnosis.saving import effect_texts
     from egophys_core.reporting import headline
 
     content = diagnosis.as_dict()
-    print(f"{diagnosis.outcome}: {headline(content, EFFECT_TEXTS)}")
+    print(f"{diagnosis.outcome}: {headline(content, effect_texts())}")
     print(f"why: {diagnosis.reason}")
     _print_decision(content["decisions"][-1])
     if diagnosis.experiment:

@@ -15,15 +15,17 @@ from egophys_core.twin import save_twin
 
 DIAGNOSIS_NAME, TWIN_NAME, REPORT_NAME = "diagnosis.json", "improved.twin", "report.html"
 
-EFFECT_TEXTS = {
-    name: EffectText(
-        summary=effect.summary,
-        equation=effect.equation,
-        nulls={each.name: each.null for each in effect.parameters if each.null is not None},
-    )
-    for name, effect in LIBRARY.items()
-}
-"""What a reader needs to know of the effects, by name."""
+
+def effect_texts() -> dict[str, EffectText]:
+    """What a reader needs to know of the effects, by name; of those that are added from outside now, too."""
+    return {
+        name: EffectText(
+            summary=effect.summary,
+            equation=effect.equation,
+            nulls={each.name: each.null for each in effect.parameters if each.null is not None},
+        )
+        for name, effect in LIBRARY.items()
+    }
 
 
 def require_new_folder(folder: Path) -> None:
@@ -79,6 +81,6 @@ def report(finding: Finding) -> str:
         after=evidence.after,
         rest=evidence.rest,
         field=evidence.field,
-        texts=EFFECT_TEXTS,
+        texts=effect_texts(),
         mismatch_gain=Thresholds().least_gain,
     )

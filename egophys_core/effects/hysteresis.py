@@ -27,7 +27,7 @@ def rubbing(
         change = begun[lane] * advances * d[lane] * (strain[lane] - second[lane])
         there = first[lane] + change
         # What of the change leads away from 0.
-        away = wp.max(wp.min(there, change), 0.0) + wp.min(wp.max(there, change), 0.0)
+        away = wp.max(wp.min(there, wp.max(change, 0.0)), wp.min(change, 0.0))
         size = wp.abs(away)
         half = 0.5 * size
         z[lane] = (there + away * half) / (1.0 + size + size * half)

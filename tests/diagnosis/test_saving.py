@@ -7,7 +7,7 @@ import pytest
 
 from egophys_core.diagnosis.diagnose import Finding
 from egophys_core.diagnosis.diagnosis import Outcome
-from egophys_core.diagnosis.saving import EFFECT_TEXTS, require_new_folder, save_finding
+from egophys_core.diagnosis.saving import effect_texts, require_new_folder, save_finding
 from egophys_core.effects import LIBRARY
 from egophys_core.errors import OutputError
 from egophys_core.twin import load_twin
@@ -76,8 +76,8 @@ def test_what_is_there_is_not_overwritten(tmp_path):
 
 
 def test_every_effect_of_the_library_has_its_text():
-    assert set(EFFECT_TEXTS) == set(LIBRARY)
-    for text in EFFECT_TEXTS.values():
+    assert set(effect_texts()) == set(LIBRARY)
+    for text in effect_texts().values():
         assert text.phrase
         assert text.equation
         assert text.nulls

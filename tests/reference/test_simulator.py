@@ -183,7 +183,7 @@ def test_extra_forces_and_self_collision_of_two_nodes_by_hand():
         collision_friction=0.0,
     )
     batch = replace(batch, rest_positions=np.array([[0, 0, 0], [2.0, 0, 0]]))
-    moved = simulate(batch, 0, substeps=1, extra=lambda time, x, v: np.full((2, 3), [0, 0, 1.0]))
+    moved = simulate(batch, 0, substeps=1, extra=lambda time, dt, x, v: np.full((2, 3), [0, 0, 1.0]))
     assert moved[1] == pytest.approx(np.array([[-0.005, 0, 0.01], [0.105, 0, 0.01]]))
     near = replace(batch, rest_positions=np.array([[0, 0, 0], [0.31, 0, 0]]))
     assert simulate(near, 0, substeps=1)[1] == pytest.approx(np.array([[0.1, 0, 0], [0, 0, 0]]), abs=1e-7)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from egophys_core.replay import Outcome, replay_log
+from egophys_core.replay import ReplayOutcome, replay_log
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -28,4 +28,4 @@ def test_demo_runs_to_its_end_and_leaves_a_log_that_replays(tmp_path):
     ):
         assert text in ended.stdout.replace("\n", "")
     assert (out / "shapes.png").read_bytes().startswith(b"\x89PNG")
-    assert {each.outcome for each in replay_log(out / "log")} == {Outcome.SAME}
+    assert {each.outcome for each in replay_log(out / "log")} == {ReplayOutcome.SAME}

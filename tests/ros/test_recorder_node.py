@@ -20,7 +20,7 @@ from std_msgs.msg import String, UInt8MultiArray
 from egophys_core.identification import episode_digest
 from egophys_core.planning import grasp_from_points
 from egophys_core.recording import CutRecordingWarning, decode_episode, list_topics, read_records
-from egophys_core.replay import Outcome, replay_log
+from egophys_core.replay import ReplayOutcome, replay_log
 from egophys_core.twin import decode_twin
 from tests.ros.cloth import FRAMES, NAME, OPTIONS_JSON, SEED, lifting_plan
 
@@ -139,8 +139,8 @@ def test_a_log_of_a_build_and_a_prediction_replays(start_twin_node, record, clie
     assert recorder.interrupt() == 0
 
     outcomes = {each.step: (each.outcome, each.detail) for each in replay_log(folder)}
-    assert outcomes["build"][0] == Outcome.SAME, outcomes["build"]
-    assert outcomes["prediction"][0] == Outcome.SAME, outcomes["prediction"]
+    assert outcomes["build"][0] == ReplayOutcome.SAME, outcomes["build"]
+    assert outcomes["prediction"][0] == ReplayOutcome.SAME, outcomes["prediction"]
 
 
 def test_a_recorder_started_after_the_build_has_all_of_it(start_twin_node, record, client, bag, twin, tmp_path):

@@ -12,7 +12,7 @@ from egophys_ros_common.qos import latched
 from std_msgs.msg import String
 
 from egophys_core.recording import SENSOR_QOS, LogWriter, list_topics, read_records
-from egophys_core.replay import Outcome, replay_log
+from egophys_core.replay import ReplayOutcome, replay_log
 from tests.ros.cloth import SEED
 
 pytestmark = pytest.mark.ros
@@ -128,4 +128,4 @@ def test_a_log_of_a_build_from_video_replays(start_node, start_twin_node, client
     assert episode["perception"]["options"]["object_points"] == 300
     assert recorder.interrupt() == 0
     outcomes = {each.step: (each.outcome, each.detail) for each in replay_log(folder)}
-    assert outcomes["build"][0] == Outcome.SAME, outcomes["build"]
+    assert outcomes["build"][0] == ReplayOutcome.SAME, outcomes["build"]

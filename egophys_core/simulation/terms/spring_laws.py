@@ -25,7 +25,7 @@ def lawful_springs(laws: tuple[Law, ...], first_column: int, alone: int) -> wp.F
     Args:
         first_column: of the laws in `EffectArrays.columns`.
     """
-    law_of_spring = _one_law(laws[alone][1:], alone) if alone >= 0 else _each_law(laws, first_column)
+    law_of_spring = _one_law(laws[alone][1:]) if alone >= 0 else _each_law(laws, first_column)
 
     @wp.func
     def add_lawful_forces(
@@ -52,6 +52,7 @@ def lawful_springs(laws: tuple[Law, ...], first_column: int, alone: int) -> wp.F
         longest_extensions = springs.longest_extensions
         # Read before the loop: in it the compiler could not tell that they stay the same.
         column = effects.columns[group, wp.static(first_column + max(alone, 0))]
+        slot = effects.slots[wp.static(max(alone, 0))]
         a = Lanes()
         b = Lanes()
         c = Lanes()
@@ -79,7 +80,9 @@ def lawful_springs(laws: tuple[Law, ...], first_column: int, alone: int) -> wp.F
                 squared_length = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy) + wp.cw_mul(dz, dz)
                 rest_length = rest_lengths[group, spring]
                 strain = strain_of(squared_length, rest_length)
-                factor, shift = law_of_spring(group, spring, strain, dt, begun, a, b, c, d, effects, memory, remembered)
+                factor, shift = law_of_spring(
+                    group, spring, slot, strain, dt, begun, a, b, c, d, effects, memory, remembered
+                )
                 shifted = rest_length + wp.cw_mul(rest_length, shift)
                 kept = Lanes(1.0) - wp.cw_mul(lost, pressed(squared_length, shifted))
                 elastic = elastic_coefficient(
@@ -115,14 +118,15 @@ def strain_of(squared_length: Lanes, rest_length: Lanes) -> Lanes:
     return strain
 
 
-def _one_law(law: tuple[wp.Function, int], index: int) -> wp.Function:
-    """The factor and shift of one law, whose numbers the caller has read."""
+def _one_law(law: tuple[wp.Function, int]) -> wp.Function:
+    """The factor and shift of one law, whose numbers and slot the caller has read."""
     function, memories = law
 
     @wp.func
     def law_of_spring(
         group: int,
         spring: int,
+        slot: int,
         strain: Lanes,
         dt: Lanes,
         begun: Lanes,
@@ -134,7 +138,6 @@ def _one_law(law: tuple[wp.Function, int], index: int) -> wp.Function:
         memory: wp.array3d(dtype=Lanes),
         remembered: wp.array3d(dtype=Lanes),
     ):
-        slot = effects.slots[wp.static(index)]
         first = Lanes()
         second = Lanes()
         if wp.static(memories > 0):
@@ -159,6 +162,7 @@ def _each_law(laws: tuple[Law, ...], first_column: int) -> wp.Function:
         def no_law(
             group: int,
             spring: int,
+            slot: int,
             strain: Lanes,
             dt: Lanes,
             begun: Lanes,
@@ -175,12 +179,13 @@ def _each_law(laws: tuple[Law, ...], first_column: int) -> wp.Function:
         return no_law
     index = len(laws) - 1
     laws_before = _each_law(laws[:-1], first_column)
-    last_law = _one_law(laws[-1][1:], index)
+    last_law = _one_law(laws[-1][1:])
 
     @wp.func
     def laws_of_spring(
         group: int,
         spring: int,
+        slot: int,
         strain: Lanes,
         dt: Lanes,
         begun: Lanes,
@@ -192,12 +197,13 @@ def _each_law(laws: tuple[Law, ...], first_column: int) -> wp.Function:
         memory: wp.array3d(dtype=Lanes),
         remembered: wp.array3d(dtype=Lanes),
     ):
-        factor, shift = laws_before(group, spring, strain, dt, begun, a, b, c, d, effects, memory, remembered)
+        factor, shift = laws_before(group, spring, slot, strain, dt, begun, a, b, c, d, effects, memory, remembered)
         column = effects.columns[group, wp.static(first_column + index)]
         if column >= 0:
             its_factor, its_shift = last_law(
                 group,
                 spring,
+                effects.slots[wp.static(index)],
                 strain,
                 dt,
                 begun,

@@ -2,9 +2,6 @@
 
 import numpy as np
 
-CROSS = ((0, 0), (-1, 0), (1, 0), (0, -1), (0, 1))
-"""The centre of a box and the middles of its sides."""
-
 CORNERS = ((0, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))
 """The centre of a box and its corners."""
 

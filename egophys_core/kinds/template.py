@@ -143,11 +143,6 @@ def stiffness_of_modulus(modulus: float | np.ndarray, spacing: float) -> np.ndar
     return np.asarray(modulus * spacing / 2.5)
 
 
-def modulus_of_stiffness(stiffness: float, spacing: float) -> float:
-    """Young's modulus in Pa, the inverse of `stiffness_of_modulus`."""
-    return 2.5 * stiffness / spacing
-
-
 def _cell_counts(size: np.ndarray, held: int) -> tuple[np.ndarray, int]:
     """How many cells across, [2], and along."""
     for across in range(ACROSS, 1, -1):

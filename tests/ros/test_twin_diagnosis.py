@@ -138,9 +138,9 @@ def test_what_cannot_be_diagnosed_is_refused_with_the_reason(start_twin_node, cl
         assert not answer.accepted
         assert reason in answer.message
     goal = action.DiagnoseTwin.Goal(**asked(bag, full, twin_path=str(twin_file)))
-    assert not client.send_goal(action.DiagnoseTwin, f"{NODE}/diagnose", goal).accepted
+    assert not client.act(action.DiagnoseTwin, f"{NODE}/diagnose", goal).result.success
     told = client.message(DiagnosticArray, "/diagnostics", lambda each: each.status[0].name == NODE)
-    assert "diagnosis goal rejected" in told.status[0].message
+    assert "diagnosis refused" in told.status[0].message
 
     # What only the diagnosis itself can know fails it, with the reason.
     answer = start_diagnosis(client, bag, output, twin_path=str(twin_file), without=["drag"])

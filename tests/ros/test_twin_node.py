@@ -45,6 +45,12 @@ def rebuild(client, bag, output, options=OPTIONS_JSON):
     return client.call(RebuildTwin, f"{NODE}/rebuild", request)
 
 
+def set_parameter(client, name, value):
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    (result,) = client.call(SetParameters, f"{NODE}/set_parameters", request).results
+    return result
+
+
 def wait_for_job(client, state, stage=""):
     def reached(job):
         return job.state == state and job.stage.startswith(stage)
@@ -115,9 +121,11 @@ class TestWithATwin:
             answer = rebuild(client, *arguments)
             assert not answer.accepted
             assert reason in answer.message
-        assert not client.send_goal(BuildTwin, f"{NODE}/build", goal(tmp_path / "absent", output)).accepted
+        ended = client.act(BuildTwin, f"{NODE}/build", goal(tmp_path / "absent", output))
+        assert ended.status == GoalStatus.STATUS_ABORTED
+        assert "absent: no such recording" in ended.result.message
         told = client.message(DiagnosticArray, "/diagnostics", lambda each: each.status[0].name == NODE)
-        assert "build goal rejected" in told.status[0].message
+        assert "build refused" in told.status[0].message
 
     def test_a_failed_build_says_why(self, twin_node, client, tmp_path):
         broken = tmp_path / "broken.mcap"
@@ -210,7 +218,7 @@ def test_a_rebuild_is_answered_at_once_and_is_the_only_one(start_twin_node, clie
     assert not second.accepted
     assert "a build is running" in second.message
     assert not any(second.job_id.uuid)
-    assert not client.send_goal(BuildTwin, f"{NODE}/build", goal(bag, tmp_path / "b.twin")).accepted
+    assert "is running" in client.act(BuildTwin, f"{NODE}/build", goal(bag, tmp_path / "b.twin")).result.message
     assert client.call(Trigger, f"{NODE}/cancel").success
     wait_for_job(client, BuildJob.CANCELED)
     assert not client.call(Trigger, f"{NODE}/cancel").success
@@ -266,8 +274,7 @@ def test_lifecycle(start_node, client, bag, twin_file, tmp_path):
     assert not client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
     assert client.state_of(NODE) == "unconfigured"
     assert "absent.twin" in node.output
-    path = Parameter("twin_path", value=str(twin_file)).to_parameter_msg()
-    client.call(SetParameters, f"{NODE}/set_parameters", SetParameters.Request(parameters=[path]))
+    assert set_parameter(client, "twin_path", str(twin_file)).successful
     for _ in range(2):
         assert client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
         assert "not active" in rebuild(client, bag, tmp_path / "a.twin").message
@@ -281,18 +288,49 @@ def test_lifecycle(start_node, client, bag, twin_file, tmp_path):
     assert node.interrupt() == 0, node.output
 
 
+def test_a_parameter_acts_at_once_or_is_refused_while_active(start_twin_node, client, twin, twin_file, tmp_path):
+    start_twin_node()
+    refused = set_parameter(client, "twin_path", str(twin_file))
+    assert not refused.successful
+    assert "deactivate first" in refused.reason
+    assert set_parameter(client, "generations", 7).successful, "it is read for each build"
+    assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
+    assert set_parameter(client, "twin_path", str(tmp_path / "absent.twin")).successful
+    assert not client.change_state(NODE, Transition.TRANSITION_ACTIVATE)
+    assert client.state_of(NODE) == "inactive"
+    assert set_parameter(client, "twin_path", str(twin_file)).successful
+    assert client.change_state(NODE, Transition.TRANSITION_ACTIVATE)
+    assert client.message(TwinInfo, f"{NODE}/info", qos=latched()).twin_id == twin.twin_id
+
+
 def test_ctrl_c_ends_a_build_in_good_order(start_twin_node, client, bag, tmp_path):
     node = start_twin_node()
-    assert rebuild(client, bag, tmp_path / "a.twin", ENDLESS_JSON).accepted
+    handle = client.send_goal(BuildTwin, f"{NODE}/build", goal(bag, tmp_path / "a.twin", ENDLESS_JSON))
+    ended = handle.get_result_async()
     wait_for_job(client, BuildJob.RUNNING, "search")
     assert node.interrupt() == 0, node.output
+    wait_until(ended.done, 10, "the goal's result, from the node that was told to end")
+    assert "canceled" in ended.result().result.message
     assert "Traceback" not in node.output
     assert not list(tmp_path.glob("*.twin*"))
 
 
-def test_a_node_that_cannot_start_by_itself_ends(start_node, tmp_path):
-    node = start_node(
-        "egophys_twin", "twin_node", "--ros-args", "-p", "autostart:=true", "-p", f"twin_path:={tmp_path}/no.twin"
-    )
-    assert node.wait_for_end() == 1
-    assert "cannot configure: cannot read twin" in node.output
+@pytest.mark.parametrize(
+    ("parameter", "code", "reason"),
+    [
+        ("twin_path:=/nowhere/no.twin", 1, "cannot configure: cannot read twin"),
+        ("generations:=0", 2, "parameter generations must be 1 to 10000"),
+        ("kind:=rope", 2, "kind must be one of"),
+    ],
+)
+def test_a_node_that_cannot_start_by_itself_ends(start_node, parameter, code, reason):
+    node = start_node("egophys_twin", "twin_node", "--ros-args", "-p", "autostart:=true", "-p", parameter)
+    assert node.wait_for_end() == code
+    assert reason in node.output
+    assert "Traceback" not in node.output
+
+
+def test_help_lists_the_parameters(start_node):
+    node = start_node("egophys_twin", "twin_node", "--help")
+    assert node.wait_for_end() == 0
+    assert "generations (integer, 1 to 10000), default 50" in node.output

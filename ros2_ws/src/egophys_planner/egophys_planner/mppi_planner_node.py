@@ -6,11 +6,11 @@ from functools import partial
 from egophys_msgs.action import PlanToTarget
 from egophys_msgs.srv import RolloutTwin
 from egophys_ros_common.conversions import plan_message
-from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_number, declare_options, read_options
+from egophys_ros_common.managed_node import ManagedNode
+from egophys_ros_common.parameters import declare_number, declare_options, declare_texts, read_options
 from egophys_ros_common.qos import latched
+from egophys_ros_common.running import run_node
 from egophys_ros_common.worker import CanceledError, Worker
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.client import Client
@@ -41,11 +41,10 @@ class MppiPlannerNode(ManagedNode):
     def __init__(self) -> None:
         """Declare the parameters: those of the node and every option of the planner."""
         super().__init__("mppi_planner_node")
-        for name, (topic, description) in NAME_PARAMETERS.items():
-            self.declare_parameter(name, topic, ParameterDescriptor(description=description))
+        declare_texts(self, NAME_PARAMETERS)
         for name, (seconds, description) in TIMEOUT_PARAMETERS.items():
-            declare_number(self, name, seconds, low=0.1, high=3600.0, doc=description)
-        declare_options(self, PlanOptions)
+            declare_number(self, name, seconds, low=0.1, high=3600.0, doc=description, at_once=True)
+        declare_options(self, PlanOptions, at_once=True)
         self._twin: Twin | None = None
         self._job: PlanningJob | None = None
         self._worker: Worker

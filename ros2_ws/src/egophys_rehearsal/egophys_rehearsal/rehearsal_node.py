@@ -6,12 +6,12 @@ from functools import partial
 
 import numpy as np
 from egophys_ros_common.conversions import points_message, time_message
-from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_number, declare_options, read_options
+from egophys_ros_common.managed_node import ManagedNode
+from egophys_ros_common.parameters import declare_number, declare_options, declare_texts, read_options
 from egophys_ros_common.qos import latched
+from egophys_ros_common.running import run_node
 from egophys_ros_common.worker import CanceledError, Worker
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
@@ -54,8 +54,7 @@ class RehearsalNode(ManagedNode):
     def __init__(self) -> None:
         """Declare the parameters: those of the node and every option of the rehearsal."""
         super().__init__("rehearsal_node")
-        for name, (default, description) in TEXT_PARAMETERS.items():
-            self.declare_parameter(name, default, ParameterDescriptor(description=description))
+        declare_texts(self, TEXT_PARAMETERS)
         for name, description in SEED_PARAMETERS.items():
             declare_number(self, name, 0, low=0, high=2**31 - 1, doc=description)
         doc = "opening below which the gripper holds what is near it, m"

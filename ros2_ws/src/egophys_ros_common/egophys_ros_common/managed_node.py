@@ -1,18 +1,16 @@
 """ManagedNode: a lifecycle node whose transitions say what failed, with health and worker threads."""
 
-import signal
 import traceback
 from collections import deque
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import Any, TypeVar
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 
 from egophys_core.errors import EgophysError
 from egophys_ros_common.worker import CanceledError
@@ -23,10 +21,13 @@ T = TypeVar("T")
 
 
 class ManagedNode(LifecycleNode):
-    """Base of the nodes. A subclass overrides `configure`, `activate`, `deactivate`, `status` and `health`.
+    """Base of the nodes. A subclass overrides `configure`, `activate`, `deactivate`, `status`, `fault` and `health`.
 
     `deactivate` is called in any state after `configure`; it also undoes a failed activation. What
     `configure` makes goes through `own`, which destroys it at cleanup: the node can be configured again.
+
+    A parameter is set at once, or refused while the node is active. One that is changed while the node is inactive
+    acts from the next activation on, for which the node is configured anew.
     """
 
     def __init__(self, name: str) -> None:
@@ -34,6 +35,11 @@ class ManagedNode(LifecycleNode):
         super().__init__(name)
         self.is_active = False
         self.last_error = ""
+        self.acts_at_once: set[str] = set()
+        """Names of parameters that are read for each request, so that they can be set at any time."""
+        self.open_goals = 0
+        """Goals of actions that have not been answered."""
+        self._configured_with: dict[str, Any] = {}
         self._is_configured = False
         self._resources = ExitStack()
         self._handed_over: deque[Callable[[], None]] = deque()
@@ -45,6 +51,7 @@ class ManagedNode(LifecycleNode):
                 read_only=True,
             ),
         )
+        self.add_on_set_parameters_callback(self._check_parameters)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_timer(HEALTH_PERIOD_S, self._publish_health)
 
@@ -60,6 +67,10 @@ class ManagedNode(LifecycleNode):
     def status(self) -> str:
         """What the node does now, a sentence for `/diagnostics` while nothing has failed."""
         return "active" if self.is_active else "not active"
+
+    def fault(self) -> str:
+        """What keeps the node from working until someone mends it, empty if nothing: an error in `/diagnostics`."""
+        return ""
 
     def health(self) -> dict[str, str]:
         """What `/diagnostics` says, once configured, besides the state and the last error."""
@@ -91,28 +102,45 @@ class ManagedNode(LifecycleNode):
         self.get_logger().error(f"{what}:\n{''.join(traceback.format_exception(error))}")
         return f"internal error, see the log of {self.get_name()}: {type(error).__name__}: {error}"
 
+    @contextmanager
+    def goal_open(self) -> Iterator[None]:
+        """Count a goal as not answered meanwhile."""
+        self.open_goals += 1
+        try:
+            yield
+        finally:
+            self.open_goals -= 1
+
+    def stop_working(self) -> None:
+        """Be inactive, and wait until what runs has ended; its results still have to be delivered."""
+        self.is_active = False
+        if self._is_configured:
+            self.deactivate()
+
     def close(self) -> None:
         """Stop, and destroy what `configure` made."""
         try:
-            self._stop_working()
+            self.stop_working()
         finally:
             self._release_resources()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Configure, or stay unconfigured."""
-        result = self._attempt("configure", self.configure, undo=self._release_resources)
-        self._is_configured = result == TransitionCallbackReturn.SUCCESS
-        return result
+        return self._attempt("configure", self._configure, undo=self._release_resources)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Activate, or stay inactive."""
-        result = self._attempt("activate", self.activate, undo=self._stop_working)
+        result = self._attempt("activate", self._activate, undo=self._undo_activation)
         self.is_active = result == TransitionCallbackReturn.SUCCESS
+        if self.is_active:
+            self.last_error = ""
+            details = "".join(f", {key}: {value}" for key, value in self.health().items() if value)
+            self.get_logger().info(f"{self.status()}{details}")
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop working."""
-        return self._attempt("deactivate", self._stop_working)
+        return self._attempt("deactivate", self.stop_working)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Be as before configuring."""
@@ -120,16 +148,44 @@ class ManagedNode(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop for good; what `configure` made goes with the process, for pending answers still need it."""
-        return self._attempt("shut down", self._stop_working)
+        return self._attempt("shut down", self.stop_working)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Be as before configuring, whatever failed."""
         return self._attempt("recover", self.close)
 
-    def _stop_working(self) -> None:
-        self.is_active = False
+    def _configure(self) -> None:
+        self.configure()
+        self._is_configured, self._configured_with = True, self._lasting_parameters()
+
+    def _activate(self) -> None:
+        if not self._is_configured or self._configured_with != self._lasting_parameters():
+            self._release_resources()
+            self._configure()
+        self.activate()
+
+    def _undo_activation(self) -> None:
         if self._is_configured:
-            self.deactivate()
+            self.stop_working()
+        else:
+            self._release_resources()
+
+    def _lasting_parameters(self) -> dict[str, Any]:
+        """Values of the parameters that act for a whole activation."""
+        parameters = self.get_parameters_by_prefix("").items()
+        return {name: each.value for name, each in parameters if name not in self.acts_at_once}
+
+    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        for each in parameters:
+            lasts = each.name not in self.acts_at_once and each.name != "use_sim_time"
+            if self.is_active and lasts and each.value != self.get_parameter(each.name).value:
+                me = self.get_fully_qualified_name()
+                reason = (
+                    f"{each.name} of {me} acts from its activation on, and it is active: deactivate first (ros2 "
+                    f"lifecycle set {me} deactivate), set it, activate"
+                )
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
 
     def _release_resources(self) -> None:
         self._is_configured = False
@@ -156,50 +212,15 @@ class ManagedNode(LifecycleNode):
 
     def _publish_health(self) -> None:
         details = self.health() if self._is_configured else {}
+        fault = self.fault() if self._is_configured else ""
         values = {"active": str(self.is_active), **details, "last error": self.last_error}
+        level = DiagnosticStatus.WARN if self.last_error else DiagnosticStatus.OK
         status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if self.last_error else DiagnosticStatus.OK,
+            level=DiagnosticStatus.ERROR if fault else level,
             name=self.get_fully_qualified_name(),
-            message=self.last_error or self.status(),
+            message=fault or self.last_error or self.status(),
             values=[KeyValue(key=key, value=value) for key, value in values.items()],
         )
         message = DiagnosticArray(status=[status])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
-
-
-def run_node(make: Callable[[], ManagedNode]) -> int:
-    """Run a node until SIGINT, SIGTERM or the end of its context.
-
-    One executor thread runs all callbacks, so the node's state needs no locks; work goes to `Worker`s.
-
-    Returns:
-        Exit code: 0, or 1 if the node was to start by itself and could not.
-    """
-    # rclpy ends the context on SIGINT. Python's own handler would also raise in the middle of whatever runs.
-    signal.signal(signal.SIGINT, lambda number, frame: None)
-    rclpy.init()
-    node = make()
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        if node.get_parameter("autostart").value and not _started(node):
-            return 1
-        executor.spin()
-    except ExternalShutdownException:
-        pass
-    except RuntimeError:  # rclpy's RCLError is one
-        # A callback that was under way when a signal ended the context cannot publish or answer any more.
-        if rclpy.ok():
-            raise
-    finally:
-        node.close()
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown()
-    return 0
-
-
-def _started(node: ManagedNode) -> bool:
-    steps = (node.trigger_configure, node.trigger_activate)
-    return all(step() == TransitionCallbackReturn.SUCCESS for step in steps)

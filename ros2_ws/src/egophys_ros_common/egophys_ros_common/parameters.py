@@ -2,44 +2,83 @@
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from egophys_core.errors import OptionsError
 from egophys_core.options import from_mapping
+from egophys_ros_common.managed_node import ManagedNode
 
 T = TypeVar("T")
 
 
-def declare_number(node: Node, name: str, default: float, *, low: float, high: float, doc: str) -> None:
-    """Declare a parameter that is a number in a range; a whole one if its default is an int."""
+def declare_number(
+    node: ManagedNode, name: str, default: float, *, low: float, high: float, doc: str, at_once: bool = False
+) -> None:
+    """Declare a parameter that is a number in a range; a whole one if its default is an int.
+
+    Args:
+        node: that has the parameter.
+        name: of it.
+        default: its value unless it is given one.
+        low: least value.
+        high: largest value.
+        doc: meaning, with the unit.
+        at_once: whether it is read for each request, so that it can be set while the node is active.
+
+    Raises:
+        OptionsError: it was given a value of another type, or out of range.
+    """
     descriptor = ParameterDescriptor(description=doc)
     _limit(descriptor, default, low, high)
-    node.declare_parameter(name, default, descriptor)
+    _declare(node, name, default, descriptor, at_once=at_once)
 
 
-def declare_options(node: Node, cls: type[Any], prefix: str = "") -> None:
+def declare_texts(node: ManagedNode, texts: Mapping[str, tuple[Any, str]], *, at_once: bool = False) -> None:
+    """Declare parameters that have no range: names, paths, switches.
+
+    Args:
+        node: that has the parameters.
+        texts: default and meaning by name.
+        at_once: whether they are read for each request, so that they can be set while the node is active.
+
+    Raises:
+        OptionsError: one was given a value of another type.
+    """
+    for name, (default, description) in texts.items():
+        _declare(node, name, default, ParameterDescriptor(description=description), at_once=at_once)
+
+
+def declare_options(node: ManagedNode, cls: type[Any], prefix: str = "", *, at_once: bool = False) -> None:
     """Declare each field of the options class `cls` as a parameter; setting one the class refuses fails.
 
     Args:
         node: that has the parameters.
         cls: dataclass of options.
         prefix: put before the names of the fields, with its dot (`board.`).
+        at_once: whether they are read for each request, so that they can be set while the node is active.
+
+    Raises:
+        OptionsError: one was given a value of another type, or out of range.
     """
     fields = dataclasses.fields(cls)
     for field in fields:
-        node.declare_parameter(prefix + field.name, _parameter_value(field.default), _descriptor(field))
+        name = prefix + field.name
+        _declare(node, name, _parameter_value(field.default), _descriptor(field), at_once=at_once)
+    from_mapping(cls, _declared(node, cls, prefix))
 
     def check(parameters: list[Parameter]) -> SetParametersResult:
         names = {prefix + field.name for field in fields}
         changed = {each.name.removeprefix(prefix): each.value for each in parameters if each.name in names}
         try:
-            from_mapping(cls, _declared(node, cls, prefix) | changed)
+            if changed:
+                from_mapping(cls, _declared(node, cls, prefix) | changed)
         except OptionsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -88,6 +127,22 @@ def parse_options_json(options_json: str) -> dict[str, Any]:
     if not isinstance(values, dict):
         raise OptionsError(f"options_json must be a JSON object of names and values, got {options_json}")
     return values
+
+
+def _declare(node: ManagedNode, name: str, default: Any, descriptor: ParameterDescriptor, *, at_once: bool) -> None:
+    try:
+        node.declare_parameter(name, default, descriptor)
+    except InvalidParameterTypeException as error:
+        raise OptionsError(f"parameter {name} must be like {default!r}: {error}") from error
+    except InvalidParameterValueException as error:
+        raise OptionsError(f"parameter {name} must be {_limits(descriptor)}: {error}") from error
+    if at_once:
+        node.acts_at_once.add(name)
+
+
+def _limits(descriptor: ParameterDescriptor) -> str:
+    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+    return ", ".join(f"{each.from_value} to {each.to_value}" for each in ranges) or descriptor.description
 
 
 def _group_of(name: str, groups: Sequence[tuple[type[Any], str]]) -> int:

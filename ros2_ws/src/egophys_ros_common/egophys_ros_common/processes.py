@@ -262,6 +262,10 @@ class Client:
         """What an accepted goal ended with: `.status` (GoalStatus) and `.result`."""
         return self._answer(handle.get_result_async, timeout, "the goal's result")
 
+    def act(self, kind: Any, name: str, goal: Any, timeout: float = RESULT_TIMEOUT) -> Any:
+        """Send an action goal and wait for what it ends with, as `result`."""
+        return self.result(self.send_goal(kind, name, goal), timeout)
+
     def cancel(self, handle: ClientGoalHandle) -> Any:
         """Ask for a goal's cancellation; the answer, not the result."""
         return self._answer(handle.cancel_goal_async, ANSWER_TIMEOUT, "answer to the cancellation")

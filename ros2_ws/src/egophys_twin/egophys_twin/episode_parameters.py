@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from egophys_ros_common.parameters import declare_options
-from rcl_interfaces.msg import ParameterDescriptor
+from egophys_ros_common.managed_node import ManagedNode
+from egophys_ros_common.parameters import declare_options, declare_texts
 from rclpy.node import Node
 
 from egophys_core.episode_source import EpisodeSource, SourceOptions
@@ -24,12 +24,11 @@ TOPIC_PARAMETERS = {
 }
 
 
-def declare_source(node: Node) -> None:
-    """Declare topics and options."""
-    for name, (default, description) in TOPIC_PARAMETERS.items():
-        node.declare_parameter(name, default, ParameterDescriptor(description=description))
+def declare_source(node: ManagedNode) -> None:
+    """Declare topics and options; they are read for each request."""
+    declare_texts(node, TOPIC_PARAMETERS, at_once=True)
     for options, prefix in SOURCE_GROUPS:
-        declare_options(node, options, prefix)
+        declare_options(node, options, prefix, at_once=True)
 
 
 def episode_source(node: Node, choice: SourceOptions, perception: PerceptionOptions, board: Board) -> EpisodeSource:

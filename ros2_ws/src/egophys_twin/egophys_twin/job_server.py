@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 
 from egophys_msgs.msg import BuildJob
+from egophys_ros_common.goal_server import GoalServer
 from egophys_ros_common.managed_node import ManagedNode
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from unique_identifier_msgs.msg import UUID
 
@@ -32,16 +32,7 @@ class JobServer(ABC, Generic[RequestT, MadeT]):
         """Create action and service; the node destroys them at cleanup."""
         self._node = node
         self._jobs = jobs
-        server = ActionServer(
-            node,
-            self.action,
-            action_name,
-            self._run,
-            goal_callback=self._check_goal,
-            handle_accepted_callback=self._accept_goal,
-            cancel_callback=self._cancel_goal,
-        )
-        node.own(server, ActionServer.destroy)
+        GoalServer(node, self.action, action_name, noun=self.noun, begin=self._begin, run=self._run, cancel=jobs.cancel)
         node.own(node.create_service(self.service, service_name, self._start), node.destroy_service)
 
     @abstractmethod
@@ -68,25 +59,16 @@ class JobServer(ABC, Generic[RequestT, MadeT]):
     def result_fields(self, made: MadeT) -> dict[str, Any]:
         """Fields of the result of a job that succeeded, besides success, message and info."""
 
-    def _check_goal(self, goal: Any) -> GoalResponse:
-        try:
-            self._jobs.check(self.request_of(goal))
-        except EgophysError as error:
-            # An action rejects without words; they are in the log and in /diagnostics.
-            self._node.refuse(f"{self.noun} goal rejected", error)
-            return GoalResponse.REJECT
-        return GoalResponse.ACCEPT
+    def _begin(self, handle: ServerGoalHandle) -> Job:
+        request = self.request_of(handle.request)
+        self._jobs.check(request)
 
-    def _accept_goal(self, handle: ServerGoalHandle) -> None:
         def feed_back(stage: str, share: float, loss: float) -> None:
             handle.publish_feedback(self.feedback(stage, share, loss))
 
-        job = self._job(handle.goal_id, self.request_of(handle.request), feed_back)
+        job = self._job(handle.goal_id, request, feed_back)
         self._jobs.accept(job)
-        handle.execute(partial(self._run, job))
-
-    def _cancel_goal(self, handle: ServerGoalHandle) -> CancelResponse:
-        return CancelResponse.ACCEPT if self._jobs.cancel() else CancelResponse.REJECT
+        return job
 
     async def _run(self, job: Job, handle: ServerGoalHandle) -> Any:
         ended: Ended = await self._jobs.run(job)

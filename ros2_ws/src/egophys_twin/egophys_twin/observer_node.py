@@ -5,11 +5,11 @@ from enum import StrEnum
 from functools import partial
 from typing import Any
 
-from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_options, read_option_groups
+from egophys_ros_common.managed_node import ManagedNode
+from egophys_ros_common.parameters import declare_options, declare_texts, read_option_groups
 from egophys_ros_common.qos import latched
+from egophys_ros_common.running import run_node
 from egophys_ros_common.worker import CanceledError, Worker
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.qos import qos_profile_sensor_data
@@ -60,8 +60,7 @@ class ObserverNode(ManagedNode):
     def __init__(self) -> None:
         """Declare the parameters: topics, options of perception, and the board."""
         super().__init__("observer_node")
-        for name, (default, description) in TEXT_PARAMETERS.items():
-            self.declare_parameter(name, default, ParameterDescriptor(description=description))
+        declare_texts(self, TEXT_PARAMETERS)
         for options, prefix in OPTION_GROUPS:
             declare_options(self, options, prefix)
         self._topics: ObserverTopics

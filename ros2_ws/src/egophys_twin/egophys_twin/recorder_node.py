@@ -4,14 +4,18 @@ import sys
 from pathlib import Path
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_number
+from egophys_ros_common.managed_node import ManagedNode
+from egophys_ros_common.parameters import declare_number, declare_texts
 from egophys_ros_common.qos import latched
-from rcl_interfaces.msg import ParameterDescriptor
+from egophys_ros_common.running import run_node
 
 from egophys_core.errors import RecordingError
 from egophys_twin.topic_recording import TopicRecording
 
+PARAMETERS = {
+    "topics": ([""], "names of the topics to record; types are found when they appear"),
+    "output_folder": ("", "rosbag2 folder to write; must not exist when the node activates"),
+}
 STATUS_PERIOD_S = 0.5
 
 
@@ -21,16 +25,7 @@ class RecorderNode(ManagedNode):
     def __init__(self) -> None:
         """Declare the parameters."""
         super().__init__("recorder_node")
-        self.declare_parameter(
-            "topics",
-            [""],
-            ParameterDescriptor(description="names of the topics to record; types are found when they appear"),
-        )
-        self.declare_parameter(
-            "output_folder",
-            "",
-            ParameterDescriptor(description="rosbag2 folder to write; must not exist when the node activates"),
-        )
+        declare_texts(self, PARAMETERS)
         doc = "age, s, at which messages are on disk; a killed recorder loses younger ones"
         declare_number(self, "flush_interval_s", 1.0, low=0.05, high=60.0, doc=doc)
         self._topics: list[str] = []

@@ -8,10 +8,10 @@ import numpy as np
 from egophys_msgs.msg import TwinInfo
 from egophys_msgs.srv import RolloutTwin
 from egophys_ros_common.conversions import points_message, time_message
-from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_options, read_option_groups
+from egophys_ros_common.managed_node import ManagedNode
+from egophys_ros_common.parameters import declare_options, declare_texts, read_option_groups
+from egophys_ros_common.running import run_node
 from egophys_ros_common.worker import Worker
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.callback_groups import ReentrantCallbackGroup
 from std_srvs.srv import Trigger
 
@@ -28,8 +28,8 @@ from egophys_twin.jobs import Jobs
 from egophys_twin.rollouts import simulate
 from egophys_twin.twin_topics import TwinTopics, info_message
 
-TEXT_PARAMETERS = {
-    "twin_path": ("", "twin file to use from the start; empty for none"),
+TWIN_PARAMETERS = {"twin_path": ("", "twin file to use from the start; empty for none")}
+TOPIC_PARAMETERS = {
     "executed_topic": (EXECUTED_TOPIC, "topic that says in a log which plans the bridge executed"),
 }
 
@@ -43,10 +43,10 @@ class TwinNode(ManagedNode):
     def __init__(self) -> None:
         """Declare the parameters: those of the node and every option of perception, fit and diagnosis."""
         super().__init__("twin_node")
-        for name, (default, description) in TEXT_PARAMETERS.items():
-            self.declare_parameter(name, default, ParameterDescriptor(description=description))
+        declare_texts(self, TWIN_PARAMETERS)
+        declare_texts(self, TOPIC_PARAMETERS, at_once=True)
         for options, prefix in OPTION_GROUPS:
-            declare_options(self, options, prefix)
+            declare_options(self, options, prefix, at_once=True)
         declare_source(self)
         self._twin: Twin | None = None
         self._info = TwinInfo()

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from egophys_msgs.action import ExecutePlan
-from egophys_ros_common.managed_node import ManagedNode, run_node
-from egophys_ros_common.parameters import declare_number, declare_options, read_options
+from egophys_ros_common.managed_node import ManagedNode
+from egophys_ros_common.parameters import declare_number, declare_options, declare_texts, read_options
 from egophys_ros_common.qos import latched
+from egophys_ros_common.running import run_node
 from egophys_ros_common.worker import Worker
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from nav_msgs import msg as nav_msgs
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -53,8 +53,7 @@ class BridgeNode(ManagedNode):
     def __init__(self) -> None:
         """Declare the parameters: those of the node and every motion limit."""
         super().__init__("bridge_node")
-        for name, (default, description) in PARAMETERS.items():
-            self.declare_parameter(name, default, ParameterDescriptor(description=description))
+        declare_texts(self, PARAMETERS)
         doc = "how long to wait at configuration for a control box that is still starting"
         declare_number(self, "connect_patience_s", 10.0, low=0.0, high=60.0, doc=doc)
         declare_options(self, MotionLimits)

@@ -1,0 +1,122 @@
+"""Running a node as a program: one executor thread, signals that end goals before the node, `--help`."""
+
+import signal
+import socket
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import rclpy
+from rclpy.exceptions import ParameterException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from egophys_core.errors import EgophysError
+from egophys_ros_common.managed_node import ManagedNode
+from egophys_ros_common.parameters_help import parameters_text
+
+GOALS_END_S = 5.0
+"""How long a node that was told to end waits for its goals to be answered; what they do has been stopped before."""
+LAST_SPINS, LAST_SPIN_S = 5, 0.02
+"""Turns of the executor that send the answers of goals that have just ended."""
+
+
+def run_node(make: Callable[[], ManagedNode]) -> int:
+    """Run a node until SIGINT, SIGTERM or the end of its context; then its goals are ended and answered first.
+
+    One executor thread runs all callbacks, so the node's state needs no locks; work goes to `Worker`s.
+
+    Returns:
+        Exit code: 0; 1 if the node was to start by itself and could not; 2 for parameters that it cannot take.
+    """
+    words = sys.argv[1:]
+    own_words = words[: words.index("--ros-args")] if "--ros-args" in words else words
+    try:
+        # rclpy's handlers would end the context, and with it all goals, unanswered.
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        node = make()
+    except (ParameterException, EgophysError, RuntimeError) as error:  # rclpy's RCLError is a RuntimeError
+        print(f"{make.__name__}: {error}; --help lists the parameters", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 2
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    try:
+        if {"-h", "--help"} & set(own_words):
+            print(f"{sys.modules[make.__module__].__doc__}\n\nParameters (-p NAME:=VALUE):\n{parameters_text(node)}")
+            return 0
+        return _spin(node, executor)
+    except ExternalShutdownException:
+        return 0
+    except RuntimeError:
+        # A callback that was under way when the context ended cannot publish or answer any more.
+        if rclpy.ok():
+            raise
+        return 0
+    finally:
+        node.close()
+        executor.shutdown()
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _spin(node: ManagedNode, executor: SingleThreadedExecutor) -> int:
+    told_to_end = Future()
+    with _signals(lambda: node.hand_over(_set_done, told_to_end)):
+        if not node.get_parameter("autostart").value:
+            node.get_logger().info(
+                f"waits to be configured: ros2 lifecycle set {node.get_fully_qualified_name()} configure"
+            )
+        elif not _started(node):
+            return 1
+        executor.spin_until_future_complete(told_to_end)
+        node.stop_working()
+        answered = Future()
+        timer = node.create_timer(LAST_SPIN_S, lambda: None if node.open_goals else _set_done(answered))
+        executor.spin_until_future_complete(answered, GOALS_END_S)
+        node.destroy_timer(timer)
+        for _ in range(LAST_SPINS):
+            executor.spin_once(LAST_SPIN_S)
+    return 0
+
+
+@contextmanager
+def _signals(on_signal: Callable[[], None]) -> Iterator[None]:
+    """Call a function, from a thread, at the first SIGINT or SIGTERM.
+
+    A Python handler runs only when the main thread is back from waiting in the middleware, which may take long; what
+    `set_wakeup_fd` writes arrives at once.
+    """
+    here, there = socket.socketpair()
+    there.setblocking(False)
+    before = signal.set_wakeup_fd(there.fileno(), warn_on_full_buffer=False)
+    handlers = [(each, signal.signal(each, lambda number, frame: None)) for each in (signal.SIGINT, signal.SIGTERM)]
+
+    def wait() -> None:
+        if here.recv(1):
+            on_signal()
+
+    thread = threading.Thread(target=wait, name="signals", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        for number, handler in handlers:
+            signal.signal(number, handler)
+        there.close()
+        thread.join()
+        here.close()
+
+
+def _set_done(future: Future) -> None:
+    if not future.done():
+        future.set_result(None)
+
+
+def _started(node: ManagedNode) -> bool:
+    steps = (node.trigger_configure, node.trigger_activate)
+    return all(step() == TransitionCallbackReturn.SUCCESS for step in steps)

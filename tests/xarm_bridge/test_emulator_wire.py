@@ -56,7 +56,7 @@ def test_any_bytes_give_requests_or_a_protocol_error(noise):
 
 @given(register=st.sampled_from(sorted(HANDLERS)), params=st.binary(max_size=64))
 def test_any_parameters_are_answered(register, params):
-    devices = Devices(controller=Controller(Pose.from_wire(START)), gripper=Gripper())
+    devices = Devices(serial="", controller=Controller(Pose.from_wire(START)), gripper=Gripper())
     status, reply = answer(devices, register, params)
     assert 0 <= status < 256
     assert len(reply) < 1024
@@ -140,7 +140,7 @@ def test_reports_are_read_as_written_by_the_sdk():
     assert (decoded.robot_type, decoded.robot_axis, decoded.version, decoded.counter) == (
         6,
         6,
-        "v1.13.10",
+        "v2.5.0",
         18,
     )
     assert decoded.tcp_max_speed == 1000.0

@@ -14,6 +14,7 @@ from pathlib import Path
 from xarm_bridge.emulator.controller import Controller
 from xarm_bridge.emulator.faults import Fault, FaultSchedule
 from xarm_bridge.emulator.gripper import Gripper
+from xarm_bridge.emulator.identity import robot_serial
 from xarm_bridge.emulator.kinematics import Pose
 from xarm_bridge.emulator.protocol import (
     PRIVATE_PROTOCOLS,
@@ -46,8 +47,8 @@ Connection = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[No
 class Emulator:
     """One emulated controller and the clients connected to it; everything runs on one event loop."""
 
-    def __init__(self, start: Pose, speedup: float, report_rate: float, faults: list[Fault]) -> None:
-        self._devices = Devices(controller=Controller(start), gripper=Gripper())
+    def __init__(self, serial: str, start: Pose, speedup: float, report_rate: float, faults: list[Fault]) -> None:
+        self._devices = Devices(serial=serial, controller=Controller(start), gripper=Gripper())
         self._faults = FaultSchedule(faults)
         self._speedup = speedup
         self._began = time.monotonic()
@@ -229,7 +230,8 @@ def _positive(text: str) -> float:
 async def _main(arguments: argparse.Namespace) -> int:
     start = Pose.from_wire((*arguments.start[:3], *map(math.radians, arguments.start[3:])))
     try:
-        emulator = Emulator(start, arguments.speedup, arguments.report_rate, arguments.fault)
+        serial = robot_serial(arguments.host)
+        emulator = Emulator(serial, start, arguments.speedup, arguments.report_rate, arguments.fault)
         where = await emulator.open(arguments.host)
     except (OSError, ValueError) as error:
         print(f"emulator: {error}; another address may be free: --host 127.0.0.2", file=sys.stderr)
@@ -238,7 +240,7 @@ async def _main(arguments: argparse.Namespace) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, running.cancel)
     # Whoever waits for this line may stop the emulator right after it.
-    print(f"xArm6 emulator ready on {where}", flush=True)
+    print(f"xArm6 emulator {serial} ready on {where}", flush=True)
     with contextlib.suppress(asyncio.CancelledError):
         await running
     emulator.close()

@@ -180,6 +180,15 @@ def test_the_gripper(ready):
     assert ready.get_gripper_err_code() == (0, 0)
 
 
+def test_clients_see_what_others_write_into_the_user_defined_registers(shared_emulator, connect_api):
+    first, second = connect_api(shared_emulator), connect_api(shared_emulator)
+    assert first.write_multiple_holding_registers(0x110, [1, 0xFFFF, 3]) == 0
+    assert second.read_holding_registers(0x110, 3) == (0, [1, 0xFFFF, 3])
+    assert second.write_single_holding_register(0x111, 4) == 0
+    assert first.read_holding_registers(0x111, 1) == (0, [4])
+    assert first.write_single_holding_register(0x20, 1) == 0x82, "the robot's mode is not for users"
+
+
 def test_a_tcp_offset_moves_the_reported_pose(ready):
     before = position(ready)
     assert ready.set_tcp_offset([0, 0, 172, 0, 0, 0]) == 0

@@ -102,10 +102,26 @@ def test_a_report_client_that_never_reads_does_not_stop_the_others(start_emulato
             stream.recv(size - 4, socket.MSG_WAITALL)
 
 
-def test_standard_modbus_is_told_that_it_is_not_there(shared_emulator):
+def test_standard_modbus_knows_the_user_defined_registers(shared_emulator):
+    """Frames written out from UFACTORY's Modbus manual."""
+    exchanges = [
+        (struct.pack(">BHH", 3, 0x1FE, 2), b"\x03\x04\0\0\0\0"),
+        (struct.pack(">BHHB2H", 0x10, 0x100, 2, 4, 7, 8), struct.pack(">BHH", 0x10, 0x100, 2)),
+        (struct.pack(">BHH", 6, 0x101, 9), struct.pack(">BHH", 6, 0x101, 9)),
+        (struct.pack(">BHH", 3, 0x100, 2), struct.pack(">BBHH", 3, 4, 7, 9)),
+        (struct.pack(">BHH", 3, 0x20, 1), b"\x83\x02"),
+        (struct.pack(">BHH", 3, 0x1FF, 2), b"\x83\x02"),
+        (struct.pack(">BHHBH", 0x10, 0xFF, 1, 2, 1), b"\x90\x02"),
+        (struct.pack(">BHH", 3, 0x100, 0), b"\x83\x03"),
+        (struct.pack(">BHHBH", 0x10, 0x100, 2, 4, 1), b"\x90\x03"),
+        (struct.pack(">BHHB", 0x10, 0x100, 1, 9), b"\x90\x03"),
+        (struct.pack(">BHH", 1, 0x100, 1), b"\x81\x01"),
+        (b"", b"\x80\x01"),
+    ]
     with socket.create_connection((shared_emulator.host, 502), timeout=5) as stream:
-        stream.sendall(encode(5, 0, 1, struct.pack(">BHH", 3, 0, 1)))
-        assert stream.recv(64) == struct.pack(">HHHBBB", 5, 0, 3, 1, 0x83, 1)
+        for pdu, reply in exchanges:
+            stream.sendall(struct.pack(">HHHB", 5, 0, 1 + len(pdu), 1) + pdu)
+            assert stream.recv(64) == struct.pack(">HHHB", 5, 0, 1 + len(reply), 1) + reply
 
 
 def test_a_second_emulator_on_the_same_address_is_refused(shared_emulator):

@@ -14,6 +14,7 @@ from pathlib import Path
 from xarm_bridge.emulator.controller import Controller
 from xarm_bridge.emulator.faults import Fault, FaultSchedule
 from xarm_bridge.emulator.gripper import Gripper
+from xarm_bridge.emulator.holding import HoldingRegisters
 from xarm_bridge.emulator.identity import robot_serial
 from xarm_bridge.emulator.kinematics import Pose
 from xarm_bridge.emulator.protocol import (
@@ -22,7 +23,7 @@ from xarm_bridge.emulator.protocol import (
     ProtocolError,
     Request,
     RequestReader,
-    encode_modbus_refusal,
+    encode_modbus_reply,
     encode_reply,
 )
 from xarm_bridge.emulator.registers import Devices, answer
@@ -49,6 +50,7 @@ class Emulator:
 
     def __init__(self, serial: str, start: Pose, speedup: float, report_rate: float, faults: list[Fault]) -> None:
         self._devices = Devices(serial=serial, controller=Controller(start), gripper=Gripper())
+        self._holding = HoldingRegisters()
         self._faults = FaultSchedule(faults)
         self._speedup = speedup
         self._began = time.monotonic()
@@ -166,7 +168,9 @@ class Emulator:
         if request.protocol in PRIVATE_PROTOCOLS:
             status, params = answer(self._devices, request.register, request.params)
             return encode_reply(request, status, params)
-        return encode_modbus_refusal(request) if request.protocol == STANDARD_MODBUS else b""
+        if request.protocol == STANDARD_MODBUS:
+            return encode_modbus_reply(request, self._holding.answer(request.params))
+        return b""
 
 
 async def _is_answered(path: Path) -> bool:

@@ -12,19 +12,6 @@ from tests.xarm_bridge.emulator_process import wait_until
 DOWN = (np.pi, 0.0, 0.0)
 
 
-@pytest.fixture
-def connect_api():
-    opened = []
-
-    def connect(emulator, **options):
-        opened.append(XArmAPI(emulator.host, is_radian=True, **options))
-        return opened[-1]
-
-    yield connect
-    for api in opened:
-        api.disconnect()
-
-
 @pytest.fixture(scope="module")
 def shared_api(shared_emulator):
     api = XArmAPI(shared_emulator.host, is_radian=True)

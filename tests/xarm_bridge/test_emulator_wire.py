@@ -164,7 +164,10 @@ def test_reports_are_read_as_written_by_the_sdk():
     assert decoded.reduced_tcp_boundary == [[-9999, 9999]] * 3
 
 
-@pytest.mark.parametrize("text", ["error@1", "silence=3@1", "error=0@1", "error=300@1", "smoke@1", "error=31"])
+@pytest.mark.parametrize(
+    "text",
+    ["error@1", "silence=0@1", "error=0@1", "error=300@1", "mode@1", "mode=2@1", "stop=1@1", "smoke@1", "error=31"],
+)
 def test_a_fault_that_is_none_is_refused(text):
     with pytest.raises(ValueError, match="fault"):
         Fault.parse(text)

@@ -7,16 +7,18 @@ import logging
 import math
 import signal
 import sys
+import threading
 import time
-from collections.abc import Awaitable, Callable
-from pathlib import Path
+from collections.abc import Callable
+from functools import partial
 
 from xarm_bridge.emulator.controller import Controller
-from xarm_bridge.emulator.faults import Fault, FaultSchedule
+from xarm_bridge.emulator.faults import HELP, Fault, FaultSchedule
 from xarm_bridge.emulator.gripper import Gripper
 from xarm_bridge.emulator.holding import HoldingRegisters
 from xarm_bridge.emulator.identity import robot_serial
 from xarm_bridge.emulator.kinematics import Pose
+from xarm_bridge.emulator.network import Network, Service
 from xarm_bridge.emulator.protocol import (
     PRIVATE_PROTOCOLS,
     STANDARD_MODBUS,
@@ -33,16 +35,11 @@ log = logging.getLogger("xarm_emulator")
 
 COMMAND_PORT = 502
 NORMAL_PORT, RICH_PORT, REAL_PORT = 30001, 30002, 30003
-UNIX_SOCKET = "/tmp/xarmcontroller_uds_{port}"
-"""Where the SDK looks for a controller on the same machine before it tries TCP."""
-
 TICK = 0.01
 """Seconds between updates when no request comes."""
 REAL_REPORT_RATE = 100.0
 LARGEST_BACKLOG = 65536
 """Bytes a report client may leave unread before it is dropped."""
-
-Connection = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 
 
 class Emulator:
@@ -61,36 +58,9 @@ class Emulator:
             REAL_PORT: (REAL_REPORT_RATE, lambda: real_report(self._devices.controller)),
         }
         self._listeners: dict[int, set[asyncio.StreamWriter]] = {port: set() for port in self._reports}
-        self._servers: list[asyncio.Server] = []
-        self._sockets: list[Path] = []
-
-    async def open(self, host: str) -> str:
-        """Start listening on TCP, or on the SDK's Unix sockets where port 502 is not permitted.
-
-        Returns where it listens, for people.
-
-        Raises:
-            OSError: the address does not exist or is taken.
-        """
-        connections: dict[int, Connection] = {COMMAND_PORT: self._serve_commands}
-        for port in self._reports:
-            connections[port] = self._listener(port)
-        try:
-            for port, connection in connections.items():
-                self._servers.append(await asyncio.start_server(connection, host, port))
-        except PermissionError:
-            for port, connection in connections.items():
-                path = Path(UNIX_SOCKET.format(port=port))
-                if await _is_answered(path):
-                    raise OSError(f"another emulator listens on {path}; only one can without port 502") from None
-                path.unlink(missing_ok=True)
-                self._servers.append(await asyncio.start_unix_server(connection, path))
-                self._sockets.append(path)
-            return (
-                f"{UNIX_SOCKET.format(port='*')} because port {COMMAND_PORT} is not permitted. While it "
-                "runs, the SDK on this machine connects here for every address, a real arm's included"
-            )
-        return f"{host}:{COMMAND_PORT}, reports on {', '.join(map(str, self._reports))}"
+        services: dict[int, Service] = {COMMAND_PORT: self._serve_commands}
+        services.update({port: partial(self._serve_reports, port) for port in self._reports})
+        self.network = Network(services)
 
     async def run(self) -> None:
         """Let time pass and send reports until cancelled."""
@@ -105,18 +75,28 @@ class Emulator:
                         self._send_report(port, encode)
             await asyncio.sleep(TICK)
 
-    def close(self) -> None:
-        """Stop listening, drop the clients and remove the sockets."""
-        for server in self._servers:
-            server.close()
-        for path in self._sockets:
-            path.unlink(missing_ok=True)
+    def cause(self, fault: Fault) -> None:
+        """Let a fault happen now."""
+        self._advance()
+        self._faults.cause(fault, self._devices.controller, self._now())
+        self._follow_cut()
+
+    def _now(self) -> float:
+        """The arm's clock, seconds."""
+        return (time.monotonic() - self._began) * self._speedup
 
     def _advance(self) -> None:
-        now = (time.monotonic() - self._began) * self._speedup
+        now = self._now()
         self._devices.controller.advance(now)
         self._devices.gripper.advance(now)
         self._faults.advance(self._devices.controller, now)
+        self._follow_cut()
+
+    def _follow_cut(self) -> None:
+        if self._faults.cut and not self.network.is_cut:
+            self.network.cut()
+        elif self.network.is_cut and not self._faults.cut:
+            self.network.restore()
 
     def _send_report(self, port: int, encode: Callable[[], bytes]) -> None:
         if not self._listeners[port]:
@@ -131,19 +111,13 @@ class Emulator:
             else:
                 writer.write(frame)
 
-    def _listener(self, port: int) -> Connection:
-        async def listen(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            self._listeners[port].add(writer)
-            try:
-                while await reader.read(1024):  # clients only listen; whatever they say is ignored
-                    pass
-            except ConnectionError:
+    async def _serve_reports(self, port: int, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._listeners[port].add(writer)
+        try:
+            while await reader.read(1024):  # clients only listen; whatever they say is ignored
                 pass
-            finally:
-                self._listeners[port].discard(writer)
-                writer.close()
-
-        return listen
+        finally:
+            self._listeners[port].discard(writer)
 
     async def _serve_commands(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         requests = RequestReader()
@@ -151,18 +125,17 @@ class Emulator:
         try:
             while data := await reader.read(4096):
                 for request in requests.feed(data):
+                    self._advance()
+                    if writer.is_closing():  # reset just now, because a cut is over
+                        return
                     writer.write(self._reply(request))
                 await writer.drain()
         except ProtocolError as error:
             log.warning("closing a connection that sent no request: %s", error)
-        except ConnectionError:
-            pass
         finally:
             log.info("client gone")
-            writer.close()
 
     def _reply(self, request: Request) -> bytes:
-        self._advance()
         if self._faults.silent:
             return b""
         if request.protocol in PRIVATE_PROTOCOLS:
@@ -173,22 +146,13 @@ class Emulator:
         return b""
 
 
-async def _is_answered(path: Path) -> bool:
-    """Whether a living process listens on a Unix socket (a killed one leaves the file)."""
-    try:
-        _, writer = await asyncio.open_unix_connection(path)
-    except OSError:
-        return False
-    writer.close()
-    return True
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="emulator",
         description="xArm6 controller emulator: programs that use xarm-python-sdk connect to it unchanged.",
-        epilog="Example: emulator --host 127.0.0.2, then XArmAPI('127.0.0.2'). Port 502 needs root or "
+        epilog=f"{HELP}\n\nExample: emulator --host 127.0.0.2, then XArmAPI('127.0.0.2'). Port 502 needs root or\n"
         "net.ipv4.ip_unprivileged_port_start=502; without it, Unix sockets that the SDK knows are used.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
     parser.add_argument(
@@ -214,11 +178,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--fault",
-        type=Fault.parse,
+        type=_fault,
         action="append",
         default=[],
-        metavar="KIND@SECONDS",
-        help="error=CODE@S, silence@S or no-reports@S, S seconds after the first motion command; repeatable",
+        metavar="FAULT@SECONDS",
+        help="a fault (below) so many seconds after the first motion command; repeatable",
+    )
+    parser.add_argument(
+        "--faults-from-stdin",
+        action="store_true",
+        help="each line on stdin is a fault without @SECONDS, such as error=31 or silence=3: it happens at once "
+        "and is answered on stdout with 'fault ...' or 'refused: ...'",
     )
     parser.add_argument("--verbose", action="store_true", help="log connections")
     return parser
@@ -231,12 +201,19 @@ def _positive(text: str) -> float:
     return value
 
 
+def _fault(text: str) -> Fault:
+    try:
+        return Fault.parse(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
 async def _main(arguments: argparse.Namespace) -> int:
     start = Pose.from_wire((*arguments.start[:3], *map(math.radians, arguments.start[3:])))
     try:
         serial = robot_serial(arguments.host)
         emulator = Emulator(serial, start, arguments.speedup, arguments.report_rate, arguments.fault)
-        where = await emulator.open(arguments.host)
+        where = emulator.network.open(arguments.host)
     except (OSError, ValueError) as error:
         print(f"emulator: {error}; another address may be free: --host 127.0.0.2", file=sys.stderr)
         return 2
@@ -245,10 +222,31 @@ async def _main(arguments: argparse.Namespace) -> int:
         asyncio.get_running_loop().add_signal_handler(number, running.cancel)
     # Whoever waits for this line may stop the emulator right after it.
     print(f"xArm6 emulator {serial} ready on {where}", flush=True)
+    if arguments.faults_from_stdin:
+        threading.Thread(target=_read_faults, args=(emulator, asyncio.get_running_loop()), daemon=True).start()
     with contextlib.suppress(asyncio.CancelledError):
         await running
-    emulator.close()
+    emulator.network.close()
     return 0
+
+
+def _read_faults(emulator: Emulator, loop: asyncio.AbstractEventLoop) -> None:
+    """Cause the faults that come on stdin, until it ends; whatever stdin is, reading it holds up nothing else."""
+
+    def cause(line: str) -> None:
+        try:
+            fault = Fault.parse(f"{line}@0")
+        except ValueError as error:
+            print(f"refused: {error}", flush=True)
+        else:
+            emulator.cause(fault)
+            print(f"fault {fault}", flush=True)
+
+    # Unbuffered: a lock of the buffer, held by this thread, would abort the interpreter when it ends.
+    with open(0, "rb", buffering=0, closefd=False) as lines, contextlib.suppress(RuntimeError):  # the loop is closed
+        for line in lines:
+            if line.strip():
+                loop.call_soon_threadsafe(cause, line.decode(errors="replace").strip())
 
 
 def main() -> None:

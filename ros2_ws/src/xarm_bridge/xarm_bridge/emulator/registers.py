@@ -3,6 +3,7 @@
 import struct
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -36,24 +37,35 @@ class Devices:
 Handler = Callable[[Devices, bytes], bytes]
 
 
-def answer(devices: Devices, register: int, params: bytes) -> tuple[Status, bytes]:
-    """Carry out one request: the status byte and the parameters of the reply.
+class Answer(NamedTuple):
+    """What a request is answered with."""
+
+    status: Status
+    params: bytes
+    accepted: bool
+    """Whether the request was carried out or queued."""
+
+
+def answer(devices: Devices, register: int, params: bytes) -> Answer:
+    """Carry out one request.
 
     An unknown register, parameters that are too short and a refused command are answered, never raised.
     """
     handler = HANDLERS.get(register)
     refusal = Status.OK
     reply = b""
+    accepted = True
     if handler is None:
-        refusal = Status.OK if register in ACCEPTED_WITHOUT_EFFECT else Status.INVALID
+        accepted = register in ACCEPTED_WITHOUT_EFFECT
+        refusal = Status.OK if accepted else Status.INVALID
     else:
         try:
             reply = handler(devices, params)
         except RefusedError as reason:
-            refusal, reply = reason.status, reason.reply
+            refusal, reply, accepted = reason.status, reason.reply, False
         except (ValueError, IndexError, struct.error):
-            refusal = Status.INVALID
-    return devices.controller.status | refusal, reply
+            refusal, accepted = Status.INVALID, False
+    return Answer(devices.controller.status | refusal, reply, accepted)
 
 
 def _finite_floats(params: bytes, count: int) -> tuple[float, ...]:

@@ -33,6 +33,14 @@ class RobotError(EgophysError):
     """A motion is refused before anything moves, or the arm reported a fault."""
 
 
+class ArmLostError(RobotError):
+    """The arm's controller does not answer, or the connection to it is gone."""
+
+
+class ArmFaultError(RobotError):
+    """The arm's controller is in an error state that someone has to look at and clear."""
+
+
 class OutputError(EgophysError):
     """A result cannot be written where it was asked for."""
 

@@ -1,19 +1,35 @@
-"""Robot room: frames, sim-to-robot calibration, workspace and motion limits. Imports no ROS and no SDK."""
+"""Robot room: frames, calibration, motion limits, the interface of an arm, execution. Imports no ROS and no SDK."""
 
+from egophys_core.robot.arm_driver import ArmDriver, ArmIdentity, ArmState, load_driver
+from egophys_core.robot.arm_link import ArmLink, LinkEvents
 from egophys_core.robot.calibration import Calibration, FitReport, fit_world_to_base
+from egophys_core.robot.executed import ExecutedMotion
+from egophys_core.robot.execution import Clock, PlanExecutor
 from egophys_core.robot.frames import Transform, quaternions_from_rpy, rpy_from_quaternions
 from egophys_core.robot.limits import MotionLimits, check_plan
+from egophys_core.robot.ownership import ArmTakenError, Ownership
 from egophys_core.robot.path import PlannedPath, StraightMove
 
 __all__ = [
+    "ArmDriver",
+    "ArmIdentity",
+    "ArmLink",
+    "ArmState",
+    "ArmTakenError",
     "Calibration",
+    "Clock",
+    "ExecutedMotion",
     "FitReport",
+    "LinkEvents",
     "MotionLimits",
+    "Ownership",
+    "PlanExecutor",
     "PlannedPath",
     "StraightMove",
     "Transform",
     "check_plan",
     "fit_world_to_base",
+    "load_driver",
     "quaternions_from_rpy",
     "rpy_from_quaternions",
 ]

@@ -12,6 +12,9 @@ from egophys_core.robot.frames import Transform
 from egophys_core.robot.yaml_mapping import load_mapping, number_array
 from egophys_core.waypoint_plan import UNIT_QUATERNION_TOLERANCE, WaypointPlan
 
+TURN_STEP_RAD = 0.1
+"""Orientations between two waypoints are looked at in steps of at most this."""
+
 SPEED_TOLERANCE = 1e-6
 """Relative slack of the speed checks, so that a plan made exactly at a limit is not refused for rounding."""
 
@@ -42,6 +45,13 @@ class MotionLimits:
         doc="change of velocity between segments (rest at both ends) over their mean time",
     )
     max_angular_speed_rad_s: float = number(1.0, low=0.05, high=3.0, doc="rotation speed of the tool")
+    max_step_m: float = number(0.5, low=0.01, high=2.0, doc="distance between two waypoints")
+    max_tilt_rad: float = number(
+        1.0, low=0.0, high=3.2, doc="angle between the tool's z axis and straight down; 3.2 allows every orientation"
+    )
+    table_clearance_m: float = number(
+        0.0, low=-0.05, high=0.5, doc="height above the table, z = 0 of the world, that the tool point keeps"
+    )
     min_interval_s: float = number(0.02, low=0.01, high=10.0, doc="shortest time between waypoints")
     max_gripper_opening_m: float = number(
         0.085, low=0.001, high=0.2, doc="stroke of the gripper; the xArm gripper's is 0.085"
@@ -73,33 +83,50 @@ class MotionLimits:
                 content[name] = tuple(number_array(content[name], f"{path}: {name}", 3).tolist())
         return from_mapping(cls, content)
 
-    def outside(self, point: np.ndarray) -> str | None:
-        """Why a point [3] (base frame, metres) is outside the box, or None when it is inside."""
+    def why_not(self, tool: Transform, world_to_base: Transform) -> str | None:
+        """Why the tool point must not have a pose (world), or None where it may."""
+        point = world_to_base.apply(tool.translation)
         for axis, value, low, high in zip("xyz", point, self.workspace_min_m, self.workspace_max_m, strict=True):
             if not low <= value <= high:
-                return f"{axis} = {value:.3f} m is outside the workspace {low:.3f} .. {high:.3f} m"
+                return f"{axis} = {value:.3f} m is outside the workspace {low:.3f} .. {high:.3f} m (robot base frame)"
+        height = float(tool.translation[2])
+        if not height >= self.table_clearance_m:
+            return f"z = {height:.3f} m above the table is lower than {self.table_clearance_m:.3f} m"
+        tilt = float(np.arccos(np.clip(-tool.rotation[2, 2], -1.0, 1.0)))
+        if not tilt <= self.max_tilt_rad:
+            return f"the tool is tilted by {tilt:.2f} rad from straight down, at most {self.max_tilt_rad} rad may be"
         return None
 
 
 def check_plan(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transform) -> None:
     """Refuse a plan that must not be executed; nothing has moved when this raises.
 
-    Only waypoints are compared with the box: the box is convex, so the straight line between two
-    waypoints inside it is inside it too.
+    The space above the table inside the box is convex, so the straight line between two waypoints inside it is inside
+    it too; how the tool turns between them is looked at in steps.
 
     Raises:
         RobotError: names the first bad waypoint, its value, the limit and what to do.
     """
     _check_numbers(plan, limits)
     _check_times(plan, limits)
-    for index, point in enumerate(world_to_base.apply(plan.positions)):
-        reason = limits.outside(point)
-        if reason:
-            raise RobotError(
-                f"{_name(plan, index)}: {reason} (robot base frame); move the target, recalibrate, "
-                "or widen the workspace if the space is really free"
-            )
+    _check_poses(plan, limits, world_to_base)
     _check_motion(plan, limits)
+
+
+def _check_poses(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transform) -> None:
+    rotations = Rotation.from_quat(plan.quaternions)
+    for index, position in enumerate(plan.positions):
+        before = max(index - 1, 0)
+        turn = (rotations[before].inv() * rotations[index]).as_rotvec()
+        steps = 1 + int(np.linalg.norm(turn) / TURN_STEP_RAD)
+        for share in np.arange(1, steps + 1) / steps:
+            rotation = rotations[before] * Rotation.from_rotvec(share * turn)
+            tool = Transform(rotation=rotation.as_matrix(), translation=position)
+            if reason := limits.why_not(tool, world_to_base):
+                where = _name(plan, index) if share == 1.0 else f"between waypoints {before} and {index}"
+                raise RobotError(
+                    f"{where}: {reason}; move the target, recalibrate, or widen the limits if the space is really free"
+                )
 
 
 def _check_numbers(plan: WaypointPlan, limits: MotionLimits) -> None:
@@ -148,6 +175,13 @@ def _check_motion(plan: WaypointPlan, limits: MotionLimits) -> None:
     if len(steps) == 0:
         return
     velocities = np.diff(plan.positions, axis=0) / steps[:, None]
+    lengths = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
+    if (lengths > limits.max_step_m).any():
+        index = int(np.argmax(lengths > limits.max_step_m)) + 1
+        raise RobotError(
+            f"{_name(plan, index)}: {lengths[index - 1]:.3f} m from the waypoint before it, at most "
+            f"{limits.max_step_m} m are allowed (max_step_m); add waypoints on the way"
+        )
     speeds = np.linalg.norm(velocities, axis=1)
     rotations = Rotation.from_quat(plan.quaternions)
     turning = (rotations[:-1].inv() * rotations[1:]).magnitude() / steps

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import OptionsError, RobotError
 from egophys_core.robot import MotionLimits, PlannedPath, StraightMove, Transform, check_plan
@@ -58,10 +59,32 @@ def test_a_good_plan_passes():
         (changed(positions=(0, [0.0, 0.0, -0.01])), r"waypoint 0 .*z = -0.010 m"),
         (changed(times=(1, 0.1)), r"waypoint 1 .*speed 1.000 m/s exceeds 0.25 m/s; .*factor of 4.00"),
         (changed(quaternions=(1, [0.0, 1.0, 0.0, 0.0])), r"waypoint 1 .*angular speed 3.142 rad/s"),
+        (changed(quaternions=(1, [0.0, 0.0, 0.0, 1.0])), "waypoints? .*tilted by .* from straight down, at most 1.0"),
     ],
 )
 def test_a_bad_waypoint_is_named(plan, reason):
     with pytest.raises(RobotError, match=reason):
+        check_plan(plan, LIMITS, WORLD_TO_BASE)
+
+
+def test_the_table_may_lie_higher_than_the_box():
+    with pytest.raises(RobotError, match=r"waypoint 0 .*z = 0.100 m above the table is lower than 0.110 m"):
+        check_plan(PLAN, dataclasses.replace(LIMITS, table_clearance_m=0.11), WORLD_TO_BASE)
+
+
+def test_waypoints_far_apart_are_named():
+    with pytest.raises(RobotError, match=r"waypoint 1 .*0.100 m from the waypoint before it, at most 0.05 m"):
+        check_plan(PLAN, dataclasses.replace(LIMITS, max_step_m=0.05), WORLD_TO_BASE)
+
+
+def test_a_tool_that_tips_over_between_upright_waypoints_is_noticed():
+    """Both ends are tilted by 0.9 rad; half-way it is 1.32 rad."""
+    first = Rotation.from_euler("x", 0.9) * Rotation.from_quat(DOWN)
+    last = Rotation.from_euler("ZXZ", [1.8, 0.9, 1.8]) * Rotation.from_quat(DOWN)
+    quaternions = np.array([first.as_quat(), *[last.as_quat()] * 2])
+    plan = dataclasses.replace(PLAN, times=PLAN.times * 4, quaternions=quaternions)
+    check_plan(plan, dataclasses.replace(LIMITS, max_tilt_rad=1.33), WORLD_TO_BASE)
+    with pytest.raises(RobotError, match=r"between waypoints 0 and 1: the tool is tilted by 1.\d\d rad"):
         check_plan(plan, LIMITS, WORLD_TO_BASE)
 
 
@@ -101,7 +124,8 @@ def test_between_two_points_of_the_box_one_is_inside(shares, share):
     low, high = np.array(LIMITS.workspace_min_m), np.array(LIMITS.workspace_max_m)
     first, second = low + shares * (high - low)
     between = np.clip(first + share * (second - first), np.minimum(first, second), np.maximum(first, second))
-    assert LIMITS.outside(between) is None
+    tool = WORLD_TO_BASE.inverse() @ Transform.from_quaternion(between, DOWN)
+    assert dataclasses.replace(LIMITS, table_clearance_m=-0.05).why_not(tool, WORLD_TO_BASE) is None
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import os
 import threading
+import time
 from pathlib import Path
 
 import nav_msgs.msg
@@ -12,7 +13,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from diagnostic_msgs.msg import DiagnosticArray
 from egophys_msgs.action import ExecutePlan
-from egophys_ros_common.conversions import plan_message
+from egophys_ros_common.conversions import plan_message, time_message
 from egophys_ros_common.processes import MESSAGE_TIMEOUT
 from egophys_ros_common.qos import latched
 from geometry_msgs.msg import PoseStamped, TransformStamped
@@ -47,8 +48,13 @@ SHORT = make_plan([[-0.1, 0.0, 0.12], [0.0, 0.0, 0.12], [0.0, 0.1, 0.12]], [0.0,
 LONG = make_plan([[-0.1, 0.0, 0.12], [0.1, 0.2, 0.12]], [0.0, 15.0])
 
 
-def goal(plan):
-    return ExecutePlan.Goal(plan=plan_message(plan))
+def goal(plan, age_s=0.0):
+    return ExecutePlan.Goal(plan=plan_message(plan, time_message(time.time_ns() - round(age_s * 1e9))))
+
+
+def execute(client, plan, **fields):
+    """What the goal of a plan ends with."""
+    return client.act(ExecutePlan, EXECUTE, goal(plan, **fields))
 
 
 def position(message):
@@ -64,7 +70,7 @@ def bridge(start_node):
     def start(*emulator_arguments, **parameters):
         emulator = start_node("xarm_bridge", "emulator", "--host", address, *emulator_arguments)
         emulator.wait_for_output("ready on")
-        values = {"robot_ip": address, "calibration_file": CALIBRATION, **parameters}
+        values = {"robot_ip": address, "allow_emulator": True, "calibration_file": CALIBRATION, **parameters}
         words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
         file = str(CONFIG / "bridge.yaml")
         node = start_node("xarm_bridge", "bridge_node", "--ros-args", "--params-file", file, *words)
@@ -130,8 +136,9 @@ def test_an_illegal_plan_is_rejected_and_nothing_moves(bridge, client, index, va
     before = position(client.message(PoseStamped, f"{NODE}/tool_pose"))
     positions = SHORT.positions.copy()
     positions[index] = value
-    handle = client.send_goal(ExecutePlan, EXECUTE, goal(dataclasses.replace(SHORT, positions=positions)))
-    assert not handle.accepted
+    ended = execute(client, dataclasses.replace(SHORT, positions=positions))
+    assert ended.status == GoalStatus.STATUS_ABORTED
+    assert reason in ended.result.message
     client.message(
         DiagnosticArray,
         "/diagnostics",
@@ -145,7 +152,7 @@ def test_stop_in_the_middle_of_a_plan(bridge, client):
     bridge()
     client.start(NODE)
     handle = start_long_plan(client)
-    assert not client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)).accepted, "one plan at a time"
+    assert "another plan is being executed" in execute(client, SHORT).result.message
     answer = client.call(Trigger, f"{NODE}/stop")
     assert answer.success, answer.message
     ended = client.result(handle)
@@ -154,7 +161,7 @@ def test_stop_in_the_middle_of_a_plan(bridge, client):
     halted = position(ended.result.executed.poses[-1])
     assert np.linalg.norm(halted - LONG.positions[-1]) > 0.1
     np.testing.assert_allclose(position(client.message(PoseStamped, f"{NODE}/tool_pose")), halted, atol=1e-4)
-    after = client.result(client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)))
+    after = execute(client, SHORT)
     assert after.result.success, after.result.message
 
 
@@ -173,18 +180,18 @@ def test_stop_works_while_inactive(bridge, client):
     assert client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
     answer = client.call(Trigger, f"{NODE}/stop")
     assert answer.success, answer.message
-    assert not client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)).accepted
+    assert "not active" in execute(client, SHORT).result.message
 
 
 def test_a_controller_error_is_told_and_cleared(bridge, client):
     bridge("--fault", "error=31@3")
     client.start(NODE)
-    ended = client.result(client.send_goal(ExecutePlan, EXECUTE, goal(LONG)))
+    ended = execute(client, LONG)
     assert ended.status == GoalStatus.STATUS_ABORTED
     assert "controller error 31" in ended.result.message
     answer = client.call(Trigger, f"{NODE}/clear_error")
     assert answer.success, answer.message
-    after = client.result(client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)))
+    after = execute(client, SHORT)
     assert after.result.success, after.result.message
 
 
@@ -195,7 +202,7 @@ def test_deactivating_stops_the_arm_and_cleanup_allows_another_start(bridge, cli
     assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
     assert client.change_state(NODE, Transition.TRANSITION_CLEANUP)
     client.start(NODE)
-    ended = client.result(client.send_goal(ExecutePlan, EXECUTE, goal(SHORT)))
+    ended = execute(client, SHORT)
     assert ended.result.success, ended.result.message
     start_long_plan(client)
     assert node.interrupt() == 0, "Ctrl-C in the middle of a plan"
@@ -203,7 +210,13 @@ def test_deactivating_stops_the_arm_and_cleanup_allows_another_start(bridge, cli
 
 @pytest.mark.parametrize(
     ("parameter", "value"),
-    [("calibration_file", "/nowhere.yaml"), ("robot_ip", "127.200.0.1"), ("max_speed_m_s", "0.5")],
+    [
+        ("calibration_file", "/nowhere.yaml"),
+        ("robot_ip", "127.200.0.1"),
+        ("max_speed_m_s", "0.5"),
+        ("allow_emulator", "false"),
+        ("driver", "xarm_bridge.xarm7:XArm7"),
+    ],
 )
 def test_a_configuration_that_cannot_work_is_refused(bridge, client, parameter, value):
     node, _ = bridge(**{parameter: value, "connect_patience_s": 0.0})
@@ -215,7 +228,7 @@ def test_a_configuration_that_cannot_work_is_refused(bridge, client, parameter, 
 def test_it_starts_by_itself_and_waits_for_the_controller(start_node, client):
     """As the launch file starts both: at once, and with the ROS arguments that launch appends."""
     address = next(ADDRESSES)
-    values = {"robot_ip": address, "calibration_file": CALIBRATION, "autostart": True}
+    values = {"robot_ip": address, "allow_emulator": True, "calibration_file": CALIBRATION, "autostart": True}
     words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
     start_node("xarm_bridge", "bridge_node", "--ros-args", *words)
     start_node("xarm_bridge", "emulator", "--host", address, "--ros-args", "-r", "__node:=emulator")

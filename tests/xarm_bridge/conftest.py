@@ -2,11 +2,13 @@
 
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
 from xarm.wrapper import XArmAPI
 
+from egophys_core.robot import PlanExecutor
 from tests.xarm_bridge.emulator_process import (
     CALIBRATION,
     LIMITS,
@@ -17,10 +19,25 @@ from tests.xarm_bridge.emulator_process import (
 
 sys.path.insert(0, str(PACKAGE))  # a plain checkout; an installed workspace is not needed here
 
-from xarm_bridge.arm import Arm
-from xarm_bridge.connection import Connection
+from xarm_bridge.xarm6 import XArm6
 
 ADDRESSES = loopback_addresses()
+
+
+@dataclass(frozen=True)
+class Arm:
+    """A connected driver and what executes plans with it."""
+
+    driver: XArm6
+    executor: PlanExecutor
+
+
+def arm_at(host: str) -> Arm:
+    driver = XArm6(host)
+    driver.connect()
+    return Arm(driver, PlanExecutor(driver, calibration=CALIBRATION, limits=LIMITS))
+
+
 NEAR_THE_PLANS = ("--start", "450", "20", "272", "180", "0", "17.2")
 """Flange pose where the tool is at world (0, 0, 0.1): short approaches make short tests."""
 
@@ -51,9 +68,9 @@ def shared_emulator() -> Iterator[EmulatorProcess]:
 def shared_arm() -> Iterator[Arm]:
     """An arm on a sound emulator, for tests that leave both in order."""
     process = EmulatorProcess(next(ADDRESSES), NEAR_THE_PLANS)
-    arm = Arm(Connection(process.host), calibration=CALIBRATION, limits=LIMITS)
+    arm = arm_at(process.host)
     yield arm
-    arm.close()
+    arm.driver.close()
     process.close()
 
 
@@ -76,9 +93,9 @@ def connect_arm() -> Iterator[Callable[..., Arm]]:
     opened: list[Arm] = []
 
     def connect(emulator: EmulatorProcess) -> Arm:
-        opened.append(Arm(Connection(emulator.host), calibration=CALIBRATION, limits=LIMITS))
+        opened.append(arm_at(emulator.host))
         return opened[-1]
 
     yield connect
     for arm in opened:
-        arm.close()
+        arm.driver.close()

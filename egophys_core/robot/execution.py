@@ -1,25 +1,29 @@
-"""Executes waypoint plans on an xArm: frames, limits, the plan's time law, stop, and what really happened."""
+"""Executes waypoint plans on an arm: frames, limits, the plan's time law, stop, and what really happened."""
 
 import contextlib
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from egophys_core.errors import RobotError
-from egophys_core.robot import Calibration, MotionLimits, PlannedPath, StraightMove, Transform, check_plan
+from egophys_core.robot.arm_driver import ArmDriver
+from egophys_core.robot.calibration import Calibration
+from egophys_core.robot.executed import ExecutedMotion, Progress, Recorder
+from egophys_core.robot.frames import Transform
+from egophys_core.robot.limits import MotionLimits, check_plan
+from egophys_core.robot.measured_arm import MeasuredArm
+from egophys_core.robot.path import PlannedPath, StraightMove
+from egophys_core.robot.stream_guard import StreamGuard
 from egophys_core.waypoint_plan import WaypointPlan
-from xarm_bridge.connection import Connection
-from xarm_bridge.executed import ExecutedMotion, Progress, Recorder
 
 # Plans are streamed in servo mode instead of sent as one set_position per waypoint. A soft object swings and
 # slides by when the tool is where, and set_position takes a speed, not a time: each line starts and ends at
 # rest (or is rounded by a blend radius), so a plan would run late by an amount nobody predicted. Streaming
 # poses sampled from the plan's own time law keeps that law to within a period, and a stop is never queued
 # behind motion commands.
-STREAM_PERIOD = 0.01
-"""Seconds; UFACTORY advises 100 to 200 Hz and warns below 30 Hz."""
 LONGEST_STEP = 0.02
 """Plan time that may pass between two poses. After a stall of this process the plan goes on late instead of
 jumping, which would be a step at full speed."""
@@ -33,56 +37,73 @@ SETTLED_TRAVEL_M = 2e-4
 """Standing still: tool and fingers move less than this in a settle interval."""
 
 
-LARGEST_POSE_STEP_M = 0.01
-"""Servo mode does not execute targets farther apart (UFACTORY, Guide to use set_servo_cartesian)."""
+REACH_SPACING_M = 0.03
+"""Along the path the arm is asked whether it can reach points at most this far apart."""
+PACE_TOLERANCE = 1.25
+"""How much farther apart than the limits allow in `LONGEST_STEP` two streamed poses may be."""
 
 
-class Arm:
-    """An xArm that executes plans, one at a time; `stop` may be called from any thread at any time."""
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """Time as the executor sees it; another one makes a rehearsal faster than life."""
+
+    now: Callable[[], float] = time.monotonic
+    """Seconds."""
+    sleep: Callable[[float], None] = time.sleep
+
+
+class PlanExecutor:
+    """Executes plans on an arm, one at a time; `stop` may be called from any thread at any time."""
 
     def __init__(
         self,
-        connection: Connection,
+        driver: ArmDriver,
         *,
         calibration: Calibration,
         limits: MotionLimits,
         has_gripper: bool = True,
         on_gripper: Callable[[float], None] = lambda opening: None,
+        require_permit: Callable[[], None] = lambda: None,
+        clock: Clock = Clock(),
     ) -> None:
-        """Takes over the connection; `close` closes it. Nothing moves yet.
+        """Nothing moves yet.
 
         Args:
-            connection: to the controller.
+            driver: connected to the arm.
             calibration: where the robot stands and what it holds.
             limits: of every motion.
             has_gripper: whether the openings of plans are followed.
             on_gripper: called with each opening that the gripper is told to have, metres.
+            require_permit: called before each pose that is streamed; raises RobotError where the arm must not be moved
+                any more (`Ownership.require`).
+            clock: the time that plans are executed in.
 
         Raises:
-            RobotError: the limits allow poses farther apart than servo mode executes.
+            RobotError: the limits allow poses farther apart than the arm follows.
         """
         lever = float(np.linalg.norm(calibration.tool.translation))
         speed = limits.max_speed_m_s + limits.max_angular_speed_rad_s * lever
-        if speed * LONGEST_STEP > LARGEST_POSE_STEP_M:
+        if speed * LONGEST_STEP > driver.largest_pose_step:
             raise RobotError(
                 f"max_speed_m_s + max_angular_speed_rad_s * {lever:.3f} m of tool is {speed:.3f} m/s; "
-                f"poses are streamed at up to {LARGEST_POSE_STEP_M / LONGEST_STEP:.2f} m/s, lower one"
+                f"poses are streamed at up to {driver.largest_pose_step / LONGEST_STEP:.2f} m/s, lower one"
             )
-        self._connection = connection
+        self.measured = MeasuredArm(driver)
+        self.longest_gap = 0.0
+        """Seconds between two streamed poses, the longest of the newest plan."""
+        self._driver = driver
         self._calibration = calibration
         self._limits = limits
         self._has_gripper = has_gripper
         self._on_gripper = on_gripper
+        self._require_permit = require_permit
+        self._clock = clock
         self._executing = threading.Lock()
         self._stop_requested = threading.Event()
 
-    def close(self) -> None:
-        """Disconnect; the arm stays as it is."""
-        self._connection.close()
-
     def tool_pose(self) -> Transform:
         """Measured pose of the tool point in the world."""
-        return self._calibration.tool_in_world(self._connection.tcp_pose())
+        return self._calibration.tool_in_world(self.measured.state(oldest=0.0).tcp)
 
     def stop(self) -> None:
         """Halt the arm now, and end the plan being executed.
@@ -91,19 +112,22 @@ class Arm:
             RobotError: the controller did not confirm; use the emergency stop button.
         """
         self._stop_requested.set()
-        self._connection.halt()
+        self._driver.halt()
 
-    def clear_error(self) -> None:
-        """Clear the controller's error; the arm stays stopped until the next plan.
+    def check(self, plan: WaypointPlan) -> None:
+        """Judge a plan as a whole, from where the tool stands now; nothing moves.
 
         Raises:
-            RobotError: the error stayed.
+            RobotError: names the waypoint, its value, the limit and what to do.
         """
-        self._connection.clear_error()
-
-    def error_code(self) -> int:
-        """The controller's error code, 0 if none."""
-        return self._connection.error_code()
+        check_plan(plan, self._limits, self._calibration.world_to_base)
+        start = self.tool_pose()
+        self._check_start(start)
+        path = PlannedPath(plan)
+        approach = StraightMove(start, path.pose_at(0.0), self._limits)
+        names = [f"waypoint {index} (t={time_s:.2f} s)" for index, time_s in enumerate(plan.times)]
+        self._check_reach(path.pose_at, plan.times, names)
+        self._check_reach(approach.pose_at, np.array([0.0, approach.duration]), ["where the tool stands", names[0]])
 
     def execute(
         self,
@@ -122,31 +146,30 @@ class Arm:
 
         Raises:
             RobotError: the plan is refused (nothing has moved), or the controller failed (the arm is halted
-                if it still listens).
+                if it still listens); ArmLostError and ArmFaultError tell these apart.
         """
-        check_plan(plan, self._limits, self._calibration.world_to_base)
         if not self._executing.acquire(blocking=False):
             raise RobotError("another plan is being executed; stop it or wait for its end")
         try:
             self._stop_requested = stop or threading.Event()
+            self.check(plan)
             path = PlannedPath(plan)
-            start = self.tool_pose()
-            self._check_way(plan, start)
-            approach = StraightMove(start, path.pose_at(0.0), self._limits)
-            recorder = Recorder(self.tool_pose, self._opening, path.duration, on_progress)
+            approach = StraightMove(self.tool_pose(), path.pose_at(0.0), self._limits)
+            recorder = Recorder(self.measured, self._opening, self._calibration, path.duration, on_progress)
             try:
                 return self._run(approach, path, recorder)
             except BaseException:
                 with contextlib.suppress(RobotError):
-                    self._connection.halt()
+                    self._driver.halt()
                 raise
         finally:
             self._executing.release()
 
     def _run(self, approach: StraightMove, path: PlannedPath, recorder: Recorder) -> ExecutedMotion:
-        self._connection.enter_servo_mode()
+        self.longest_gap = 0.0
+        self._driver.begin_streaming()
         if self._has_gripper:
-            self._connection.prepare_gripper()
+            self._driver.prepare_gripper()
             self._move_gripper(path.opening_at(0.0))
         completed = (
             self._stream(approach.pose_at, approach.duration, lambda clock, cycle: None)
@@ -155,30 +178,38 @@ class Arm:
             and self._settle(recorder.sample)
         )
         if completed:
-            self._connection.leave_servo_mode()
+            self._driver.end_streaming()
         if self._stop_requested.is_set():
             # The stop may have come between two steps of entering or leaving, which let motion run again.
             completed = False
-            self._connection.halt()
+            self._driver.halt()
             recorder.sample()
         return recorder.executed(completed)
 
-    def _check_way(self, plan: WaypointPlan, start: Transform) -> None:
+    def _check_start(self, start: Transform) -> None:
         """The box is convex: from a start inside it, the straight approach stays inside."""
-        reason = self._limits.outside(self._calibration.world_to_base.apply(start.translation))
-        if reason:
+        if reason := self._limits.why_not(start, self._calibration.world_to_base):
             raise RobotError(
-                f"the tool now stands where {reason} (robot base frame); move the arm into the workspace by "
-                "hand or from the controller's own interface first"
+                f"the tool now stands where {reason}; move the arm to an allowed pose by hand or from the controller's "
+                "own interface first"
             )
-        for index, (position, quaternion) in enumerate(zip(plan.positions, plan.quaternions, strict=True)):
-            tool = Transform.from_quaternion(position, quaternion)
-            if not self._connection.reachable(self._calibration.tcp_in_base(tool)):
-                raise RobotError(
-                    f"waypoint {index} (t={plan.times[index]:.2f} s): the arm cannot reach "
-                    f"{np.round(position, 3).tolist()} m (world) with orientation "
-                    f"{np.round(quaternion, 3).tolist()}; move it closer or turn the tool"
-                )
+
+    def _check_reach(self, pose_at: Callable[[float], Transform], times: np.ndarray, names: list[str]) -> None:
+        """Whether the arm reaches the poses at the times, which are called by their names, and those between them."""
+        for time_s, name in zip(times, names, strict=True):
+            self._require_reachable(pose_at(float(time_s)), name)
+        places = np.array([pose_at(float(time_s)).translation for time_s in times])
+        for index, length in enumerate(np.linalg.norm(np.diff(places, axis=0), axis=1)):
+            parts = int(np.ceil(length / REACH_SPACING_M))
+            for time_s in np.linspace(times[index], times[index + 1], parts + 1)[1:-1]:
+                self._require_reachable(pose_at(float(time_s)), f"between {names[index]} and {names[index + 1]}")
+
+    def _require_reachable(self, tool: Transform, where: str) -> None:
+        if not self._driver.reachable(self._calibration.tcp_in_base(tool)):
+            raise RobotError(
+                f"{where}: the arm cannot reach {np.round(tool.translation, 3).tolist()} m (world) with orientation "
+                f"{np.round(tool.quaternion, 3).tolist()}; move it closer or turn the tool"
+            )
 
     def _follow(self, path: PlannedPath, recorder: Recorder) -> bool:
         opening = path.opening_at(0.0)
@@ -202,11 +233,16 @@ class Arm:
         each_cycle: Callable[[float, int], None],
     ) -> bool:
         """Stream poses until `duration`; False when a stop ended it."""
+        step = self._limits.max_speed_m_s * LONGEST_STEP * PACE_TOLERANCE
+        guard = StreamGuard(self._limits, self._calibration.world_to_base, pose_at(0.0), step)
         clock, cycle = 0.0, 0
-        last = time.monotonic()
+        last = self._clock.now()
         while not self._stop_requested.is_set():
+            pose = pose_at(clock)
+            guard.check(pose)
+            self._require_permit()
             try:
-                self._connection.servo_to(self._calibration.tcp_in_base(pose_at(clock)))
+                self._driver.stream(self._calibration.tcp_in_base(pose))
             except RobotError:
                 if self._stop_requested.is_set():  # the stop came first and the pose was refused
                     break
@@ -215,28 +251,29 @@ class Arm:
             if clock >= duration:
                 return True
             cycle += 1
-            time.sleep(max(0.0, last + STREAM_PERIOD - time.monotonic()))
-            now = time.monotonic()
+            self._clock.sleep(max(0.0, last + self._driver.stream_period - self._clock.now()))
+            now = self._clock.now()
+            self.longest_gap = max(self.longest_gap, now - last)
             clock = min(clock + min(now - last, LONGEST_STEP), duration)
             last = now
         return False
 
     def _settle(self, sample: Callable[[], None]) -> bool:
         """Wait until tool and fingers stand still (fingers on an object never arrive); False on a stop."""
-        deadline = time.monotonic() + SETTLE_TIMEOUT
+        deadline = self._clock.now() + SETTLE_TIMEOUT
         before = np.full(4, np.inf)
-        while time.monotonic() < deadline and not self._stop_requested.is_set():
+        while self._clock.now() < deadline and not self._stop_requested.is_set():
             sample()
-            now = np.append(self._connection.tcp_pose().translation, np.nan_to_num(self._opening()))
+            now = np.append(self.tool_pose().translation, np.nan_to_num(self._opening()))
             if np.abs(now - before).max() < SETTLED_TRAVEL_M:
                 break
             before = now
-            self._stop_requested.wait(SETTLE_INTERVAL)
+            self._clock.sleep(SETTLE_INTERVAL)
         return not self._stop_requested.is_set()
 
     def _move_gripper(self, opening: float) -> None:
-        self._connection.move_gripper(opening)
+        self._driver.move_gripper(opening)
         self._on_gripper(opening)
 
     def _opening(self) -> float:
-        return self._connection.gripper_opening() if self._has_gripper else float("nan")
+        return self._driver.gripper_opening() if self._has_gripper else float("nan")

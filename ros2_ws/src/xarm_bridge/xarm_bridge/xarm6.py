@@ -1,4 +1,4 @@
-"""The only module that touches the xArm SDK: SI units and errors on this side, its traps on the other."""
+"""The xArm6 as an `ArmDriver`: the only module that touches the xArm SDK, with SI units and errors on this side."""
 
 import contextlib
 import ipaddress
@@ -11,15 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from egophys_core.errors import RobotError
-from egophys_core.robot import Transform
+from egophys_core.errors import ArmFaultError, ArmLostError, RobotError
+from egophys_core.robot import ArmDriver, ArmIdentity, ArmState, Transform
+from xarm_bridge.user_registers import UserRegisters
 
 # The SDK prints when it is imported and binds its loggers to what is stdout then; results belong on stdout.
 with contextlib.redirect_stdout(sys.stderr):
     from xarm.core.config.x_code import ControllerErrorCodeMap
     from xarm.wrapper import XArmAPI
 
-CONNECT_TIMEOUT = 10.0
+CONNECT_TIMEOUT = 5.0
 """Seconds; the SDK itself would ask a controller that never answers for over three minutes."""
 RETRY_INTERVAL = 0.5
 COMMAND_TIMEOUT = 1.0
@@ -41,40 +42,68 @@ GRIPPER_SPEED = 3000
 """r/min of the gripper's motor, of at most 5000."""
 
 
-class Connection:
-    """A connected xArm. Poses are TCP poses in the robot base frame, metres; all calls are bounded in time.
+FIRST_NOTE_REGISTER = 480
+"""The last of the registers for users, 256 to 511, which other programs are least likely to use."""
+EMULATOR_MARK = "EMU"
+"""In the serial number of every emulated control box, and of no real one."""
 
-    Methods may be called from several threads; the SDK sends one request at a time.
-    """
 
-    def __init__(self, address: str, *, patience: float = 0.0) -> None:
-        """Connect to the controller at an IPv4 address; nothing moves.
+class XArm6(ArmDriver):
+    """A UFACTORY xArm6 with its control box and, if it has one, its gripper. The SDK sends one request at a time."""
+
+    joint_names = tuple(f"joint{number}" for number in range(1, 7))
+    # UFACTORY advises 100 to 200 Hz and warns below 30 Hz; targets farther apart than 10 mm are not executed (Guide to
+    # use set_servo_cartesian).
+    stream_period = 0.01
+    largest_pose_step = 0.01
+
+    def __init__(self, address: str) -> None:
+        """Connect to nothing yet.
 
         Args:
-            address: of the control box.
-            patience: seconds to keep trying while nobody listens there (it may be starting).
+            address: IPv4 address of the control box, or of an emulator.
 
         Raises:
-            RobotError: no IPv4 address, no controller there, no answer, or no status reports.
+            RobotError: no IPv4 address.
         """
         try:
-            ipaddress.IPv4Address(address)
+            is_loopback = ipaddress.IPv4Address(address).is_loopback
         except ValueError as error:
             # The SDK would take anything else for the name of a serial port.
             raise RobotError(f"robot address {address!r} is no IPv4 address such as 192.168.1.200") from error
         self._address = address
-        self._api = XArmAPI(address, is_radian=True, do_not_open=True)
+        # Where an emulator's Unix sockets lie on this machine the SDK would attach to them, whatever the address.
+        self._options = {"is_radian": True, "do_not_open": True, "forbid_uds": not is_loopback}
+        self._api = XArmAPI(address, **self._options)
+        self._registers = UserRegisters(address, is_local=is_loopback)
         self._reported = threading.Event()
+
+    def connect(self, *, patience: float = 0.0) -> ArmIdentity:
+        """Connect, or connect anew, and tell which control box answered."""
+        self.close()
+        self._api = XArmAPI(self._address, **self._options)
+        self._reported.clear()
         with _process_settings_kept():
-            self._connect(patience)
+            self._open(patience)
+        serial = self._serial()
+        return ArmIdentity(serial=serial, address=self._address, is_emulator=EMULATOR_MARK in serial)
 
     def close(self) -> None:
         """Disconnect; the arm stays as it is."""
+        self._registers.close()
         with _process_settings_kept():
             self._api.disconnect()
 
-    def enter_servo_mode(self) -> None:
-        """Enable the motors and let streamed poses move the arm.
+    def state(self) -> ArmState:
+        """Pose and joint angles, asked one after the other: about a millisecond apart."""
+        values = self._call("reading the pose", self._api.get_position)
+        stamp_ns = time.time_ns()
+        angles = self._call("reading the joints", self._api.get_servo_angle)
+        tcp = Transform.from_rpy(np.array(values[:3]) / 1000.0, np.array(values[3:6]))
+        return ArmState(stamp_ns=stamp_ns, tcp=tcp, joints=np.array(angles[: len(self.joint_names)]))
+
+    def begin_streaming(self) -> None:
+        """Enable the motors and enter the servo mode.
 
         Raises:
             RobotError: the controller has an error, or the mode was not reached.
@@ -83,19 +112,14 @@ class Connection:
         self._call("enabling the motors", self._api.motion_enable, True)
         self._enter_mode(SERVO_MODE)
 
-    def leave_servo_mode(self) -> None:
+    def end_streaming(self) -> None:
         """Back to the position mode, ready, so that other programs find the arm as usual."""
         self._enter_mode(POSITION_MODE)
 
-    def servo_to(self, pose: Transform) -> None:
+    def stream(self, pose: Transform) -> None:
         """Newest target of the servo mode; must be close to the one before (10 mm at most)."""
         target = [*(pose.translation * 1000.0).tolist(), *pose.rpy.tolist()]
         self._call("streaming a pose", self._api.set_servo_cartesian, target)
-
-    def tcp_pose(self) -> Transform:
-        """Where the controller says the TCP is."""
-        values = self._call("reading the pose", self._api.get_position)
-        return Transform.from_rpy(np.array(values[:3]) / 1000.0, np.array(values[3:6]))
 
     def reachable(self, pose: Transform) -> bool:
         """Whether the controller's inverse kinematics has a solution; nothing moves."""
@@ -105,6 +129,14 @@ class Connection:
             return False
         self._check(code, "asking for the inverse kinematics")
         return True
+
+    def read_note(self, size: int) -> list[int]:
+        """Numbers of the box's holding registers."""
+        return self._registers.read(FIRST_NOTE_REGISTER, size)
+
+    def write_note(self, numbers: list[int]) -> None:
+        """Set numbers of the box's holding registers."""
+        self._registers.write(FIRST_NOTE_REGISTER, numbers)
 
     def prepare_gripper(self) -> None:
         """Enable the gripper; it does not move."""
@@ -157,7 +189,12 @@ class Connection:
         self._call("enabling the motors", self._api.motion_enable, True)
         self._check_error_free()
 
-    def _connect(self, patience: float) -> None:
+    def describe_error(self, code: int) -> str:
+        """The code with UFACTORY's title of it."""
+        title = ControllerErrorCodeMap.get(code, {}).get("en", {}).get("title", "unknown")
+        return f"controller error {code} ({title}); look at the arm, remove the cause, then clear the error"
+
+    def _open(self, patience: float) -> None:
         self._api.register_report_callback(lambda _: self._reported.set())
         deadline = time.monotonic() + patience
         while reason := self._try_to_connect():
@@ -171,6 +208,9 @@ class Connection:
                 f"the controller at {self._address} answers but sends no status reports (port 30002); "
                 "is the port blocked, or is another client holding too many connections?"
             )
+
+    def _serial(self) -> str:
+        return str(self._call("reading the serial number", self._api.get_robot_sn))
 
     def _try_to_connect(self) -> str:
         """Why it did not work, empty if it did."""
@@ -206,14 +246,14 @@ class Connection:
     def _check_error_free(self) -> None:
         code = self.error_code()
         if code:
-            raise RobotError(self._describe_error(code))
+            raise ArmFaultError(self.describe_error(code))
 
     def _call(self, doing: str, function: Callable[..., Any], *values: Any, **options: Any) -> Any:
         """Call the SDK, check its return code, give the value that came with it (None if none did)."""
         try:
             result = function(*values, **options)
         except (ValueError, IndexError, TypeError) as error:  # the SDK trips over short replies
-            raise RobotError(f"{doing}: unusable answer from the controller at {self._address}: {error}") from error
+            raise ArmLostError(f"{doing}: unusable answer from the controller at {self._address}: {error}") from error
         # Functions that return (code, value) return a bare code in some error branches.
         code, value = result if isinstance(result, tuple) else (result, None)
         self._check(code, doing)
@@ -223,21 +263,17 @@ class Connection:
         if code in (0, HAS_WARNING):
             return
         if code == HAS_ERROR:
-            raise RobotError(f"{doing}: {self._describe_error(self.error_code())}")
+            raise ArmFaultError(f"{doing}: {self.describe_error(self.error_code())}")
         if not self._api.connected:
-            raise RobotError(f"{doing}: connection to the controller at {self._address} is lost; connect again")
+            raise ArmLostError(f"{doing}: connection to the controller at {self._address} is lost")
         if code == NO_ANSWER:
-            raise RobotError(
+            raise ArmLostError(
                 f"{doing}: no answer from the controller at {self._address} within {COMMAND_TIMEOUT} s; "
                 "it hangs or the network is down"
             )
         if code == NOT_READY:
             raise RobotError(f"{doing}: the arm was stopped or disabled from elsewhere; look at it, then plan again")
         raise RobotError(f"{doing}: the controller at {self._address} refused (SDK code {code})")
-
-    def _describe_error(self, code: int) -> str:
-        title = ControllerErrorCodeMap.get(code, {}).get("en", {}).get("title", "unknown")
-        return f"controller error {code} ({title}); look at the arm, remove the cause, then clear the error"
 
 
 @contextlib.contextmanager

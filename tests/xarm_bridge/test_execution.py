@@ -7,7 +7,7 @@ import threading
 
 import numpy as np
 import pytest
-from xarm_bridge.connection import Connection
+from xarm_bridge.xarm6 import XArm6
 
 from egophys_core.errors import RobotError
 from tests.xarm_bridge.emulator_process import PACKAGE, make_plan
@@ -25,7 +25,9 @@ def run_in_thread(arm, plan, stop=None):
 
     def execute():
         try:
-            outcome.append(arm.execute(plan, stop=stop, on_progress=lambda share, _: share > 0.1 and moving.set()))
+            outcome.append(
+                arm.executor.execute(plan, stop=stop, on_progress=lambda share, _: share > 0.1 and moving.set())
+            )
         except RobotError as error:
             outcome.append(error)
 
@@ -36,7 +38,7 @@ def run_in_thread(arm, plan, stop=None):
 
 def test_a_plan_is_executed_in_its_own_time(shared_arm):
     shares = []
-    executed = shared_arm.execute(SQUARE, on_progress=lambda share, _: shares.append(share))
+    executed = shared_arm.executor.execute(SQUARE, on_progress=lambda share, _: shares.append(share))
     assert executed.completed
     # The tool passes every waypoint: a measured position is within one sample of travel at 0.25 m/s.
     for waypoint in SQUARE.positions:
@@ -47,12 +49,12 @@ def test_a_plan_is_executed_in_its_own_time(shared_arm):
     assert executed.times[-1] >= SQUARE.times[-1]
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-    np.testing.assert_allclose(shared_arm.tool_pose().translation, SQUARE.positions[-1], atol=1e-4)
+    np.testing.assert_allclose(shared_arm.executor.tool_pose().translation, SQUARE.positions[-1], atol=1e-4)
 
 
 def test_the_gripper_follows_the_plan(shared_arm):
     plan = dataclasses.replace(SQUARE, gripper_opening=np.array([0.085, 0.085, 0.02, 0.02]))
-    executed = shared_arm.execute(plan)
+    executed = shared_arm.executor.execute(plan)
     assert executed.gripper_opening[0] == pytest.approx(0.085, abs=1e-3)
     assert executed.gripper_opening[-1] == pytest.approx(0.02, abs=1e-3)
 
@@ -60,37 +62,39 @@ def test_the_gripper_follows_the_plan(shared_arm):
 def test_a_second_plan_runs_after_the_first(shared_arm):
     plan = make_plan([[0.0, 0.0, 0.1], [0.05, 0.0, 0.1]], [0.0, 0.4])
     back = make_plan([[0.05, 0.0, 0.1], [0.0, 0.0, 0.1]], [0.0, 0.4])
-    assert shared_arm.execute(plan).completed
-    assert shared_arm.execute(back).completed
-    np.testing.assert_allclose(shared_arm.tool_pose().translation, [0.0, 0.0, 0.1], atol=1e-4)
+    assert shared_arm.executor.execute(plan).completed
+    assert shared_arm.executor.execute(back).completed
+    np.testing.assert_allclose(shared_arm.executor.tool_pose().translation, [0.0, 0.0, 0.1], atol=1e-4)
 
 
 def test_stop_from_another_thread_halts_well_before_the_goal(shared_arm):
     outcome, thread, moving = run_in_thread(shared_arm, LONG)
     assert moving.wait(20)
-    shared_arm.stop()
-    halted = shared_arm.tool_pose().translation
+    shared_arm.executor.stop()
+    halted = shared_arm.executor.tool_pose().translation
     thread.join(10)
     assert not outcome[0].completed
-    np.testing.assert_allclose(shared_arm.tool_pose().translation, halted, atol=1e-6)
+    np.testing.assert_allclose(shared_arm.executor.tool_pose().translation, halted, atol=1e-6)
     assert np.linalg.norm(halted - LONG.positions[-1]) > 0.05
-    assert shared_arm.execute(make_plan([[0.0, 0.0, 0.1]], [0.0])).completed, "a stop must not lock the arm for good"
+    assert shared_arm.executor.execute(make_plan([[0.0, 0.0, 0.1]], [0.0])).completed, (
+        "a stop must not lock the arm for good"
+    )
 
 
 def test_a_stop_requested_before_the_start_holds(shared_arm):
-    before = shared_arm.tool_pose().translation
+    before = shared_arm.executor.tool_pose().translation
     stop = threading.Event()
     stop.set()
-    assert not shared_arm.execute(LONG, stop=stop).completed
-    np.testing.assert_allclose(shared_arm.tool_pose().translation, before, atol=1e-6)
+    assert not shared_arm.executor.execute(LONG, stop=stop).completed
+    np.testing.assert_allclose(shared_arm.executor.tool_pose().translation, before, atol=1e-6)
 
 
 def test_only_one_plan_at_a_time(shared_arm):
     outcome, thread, moving = run_in_thread(shared_arm, LONG)
     assert moving.wait(20)
     with pytest.raises(RobotError, match="another plan"):
-        shared_arm.execute(SQUARE)
-    shared_arm.stop()
+        shared_arm.executor.execute(SQUARE)
+    shared_arm.executor.stop()
     thread.join(10)
     assert not outcome[0].completed
 
@@ -106,28 +110,28 @@ def test_only_one_plan_at_a_time(shared_arm):
     ids=["outside", "nan", "fast", "unreachable"],
 )
 def test_an_illegal_plan_is_refused_before_anything_moves(shared_arm, plan, reason):
-    before = shared_arm.tool_pose()
+    before = shared_arm.executor.tool_pose()
     with pytest.raises(RobotError, match=reason):
-        shared_arm.execute(plan)
-    np.testing.assert_allclose(shared_arm.tool_pose().translation, before.translation, atol=1e-6)
+        shared_arm.executor.execute(plan)
+    np.testing.assert_allclose(shared_arm.executor.tool_pose().translation, before.translation, atol=1e-6)
 
 
 def test_a_tool_outside_the_workspace_is_not_moved(start_emulator, connect_arm):
     arm = connect_arm(start_emulator("--start", "207", "0", "112", "180", "0", "0"))
     with pytest.raises(RobotError, match=r"now stands where z = -0.060 m is outside"):
-        arm.execute(SQUARE)
+        arm.executor.execute(SQUARE)
 
 
 def test_a_controller_error_is_reported_and_recoverable(start_emulator, connect_arm):
     arm = connect_arm(start_emulator("--fault", "error=31@1.5"))
     with pytest.raises(RobotError, match=r"controller error 31 \(Collision"):
-        arm.execute(LONG)
-    assert arm.error_code() == 31
+        arm.executor.execute(LONG)
+    assert arm.driver.error_code() == 31
     with pytest.raises(RobotError, match="error 31"):
-        arm.execute(SQUARE)
-    arm.clear_error()
-    assert arm.error_code() == 0
-    assert arm.execute(SQUARE).completed
+        arm.executor.execute(SQUARE)
+    arm.driver.clear_error()
+    assert arm.driver.error_code() == 0
+    assert arm.executor.execute(SQUARE).completed
 
 
 @pytest.mark.parametrize("fault", ["killed", "silence@1.5"])
@@ -149,7 +153,7 @@ def test_a_stop_that_is_not_confirmed_says_so(start_emulator, connect_arm):
     arm = connect_arm(emulator)
     emulator.kill()
     with pytest.raises(RobotError, match="press the emergency stop button"):
-        arm.stop()
+        arm.executor.stop()
 
 
 def test_lost_status_reports_are_noticed(start_emulator, connect_arm):
@@ -157,26 +161,27 @@ def test_lost_status_reports_are_noticed(start_emulator, connect_arm):
     arm = connect_arm(emulator)
     # The reports end with the first motion, so the mode change after it is never seen.
     with pytest.raises(RobotError, match="did not report mode"):
-        arm.execute(make_plan([[0.0, 0.0, 0.1]], [0.0]))
+        arm.executor.execute(make_plan([[0.0, 0.0, 0.1]], [0.0]))
 
 
 def test_nobody_at_the_address():
     with pytest.raises(RobotError, match=r"no xArm controller at 127\.200\.200\.200"):
-        Connection("127.200.200.200")
+        XArm6("127.200.200.200").connect()
 
 
 def test_an_address_that_is_no_address():
     with pytest.raises(RobotError, match="no IPv4 address"):
-        Connection("ttyUSB0")
+        XArm6("ttyUSB0")
 
 
 USE_AND_TELL = """
 import socket, sys
 sys.path.insert(0, sys.argv[2])
-from xarm_bridge.connection import Connection
-connection = Connection(sys.argv[1])
-connection.enter_servo_mode()
-connection.close()
+from xarm_bridge.xarm6 import XArm6
+driver = XArm6(sys.argv[1])
+driver.connect()
+driver.begin_streaming()
+driver.close()
 print(socket.getdefaulttimeout())
 """
 
@@ -190,7 +195,7 @@ def test_the_sdk_leaves_the_process_alone(start_emulator):
 
 def test_two_emulators_side_by_side(start_emulator, connect_arm):
     first, second = connect_arm(start_emulator()), connect_arm(start_emulator())
-    untouched = second.tool_pose().translation
-    assert first.execute(make_plan([[0.0, 0.1, 0.1]], [0.0])).completed
-    np.testing.assert_allclose(first.tool_pose().translation, [0.0, 0.1, 0.1], atol=1e-4)
-    np.testing.assert_allclose(second.tool_pose().translation, untouched, atol=1e-6)
+    untouched = second.executor.tool_pose().translation
+    assert first.executor.execute(make_plan([[0.0, 0.1, 0.1]], [0.0])).completed
+    np.testing.assert_allclose(first.executor.tool_pose().translation, [0.0, 0.1, 0.1], atol=1e-4)
+    np.testing.assert_allclose(second.executor.tool_pose().translation, untouched, atol=1e-6)

@@ -31,6 +31,8 @@ CYCLES_PER_SAMPLE = 2
 """Poses are measured at 50 Hz."""
 CYCLES_PER_GRIPPER_SAMPLE = 20
 """The gripper sits on a slow serial line that the pose stream must not wait for."""
+LONGEST_STALL = 1.0
+"""Seconds after which a plan does not go on: what it handles has moved on without it."""
 SETTLE_INTERVAL = 0.1
 SETTLE_TIMEOUT = 3.0
 SETTLED_TRAVEL_M = 2e-4
@@ -253,6 +255,10 @@ class PlanExecutor:
             cycle += 1
             self._clock.sleep(max(0.0, last + self._driver.stream_period - self._clock.now()))
             now = self._clock.now()
+            if now - last > LONGEST_STALL:
+                raise RobotError(
+                    f"this machine held the stream of poses up for {now - last:.1f} s; the arm was halted, plan again"
+                )
             self.longest_gap = max(self.longest_gap, now - last)
             clock = min(clock + min(now - last, LONGEST_STEP), duration)
             last = now

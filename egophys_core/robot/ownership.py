@@ -55,6 +55,8 @@ class Ownership:
         self._lock: int | None = None
         self.is_seen_elsewhere = False
         """Whether other machines see it: not every control box keeps notes."""
+        self.abandoned_by = ""
+        """The last owner, if it left without saying so, as when it was killed."""
 
     def acquire(self, *, sleep: Callable[[float], object] = time.sleep) -> None:
         """Become the owner.
@@ -145,6 +147,7 @@ class Ownership:
             sleep(ABANDONED_S)
             if (now := self._read()) != before and now[0] == MARK:
                 raise self._taken(now)
+            self.abandoned_by = self._name_of(before)
         self._write()
         sleep(WRITE_S)
         self._require_ours(self._read())

@@ -18,10 +18,15 @@ from egophys_ros_common.processes import MESSAGE_TIMEOUT
 from egophys_ros_common.qos import latched
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from lifecycle_msgs.msg import Transition
-from std_msgs.msg import Float64
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
+from xarm_bridge.emulator.kinematics import forward
 
-from egophys_core.robot import Calibration
+from egophys_core.plan_file import PlanFile, write_plan
+from egophys_core.robot import Calibration, Transform
 from egophys_core.waypoint_plan import WaypointPlan
 
 pytestmark = pytest.mark.ros
@@ -60,6 +65,12 @@ def execute(client, plan, **fields):
 def position(message):
     point = message.pose.position
     return np.array([point.x, point.y, point.z])
+
+
+def set_parameter(client, name, value):
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    (result,) = client.call(SetParameters, f"{NODE}/set_parameters", request).results
+    return result
 
 
 @pytest.fixture
@@ -115,9 +126,17 @@ def test_a_plan_is_executed_and_measured(bridge, client):
     assert client.message(Float64, f"{NODE}/gripper_command", qos=latched()).data == 0.05
 
 
-def test_it_tells_where_the_robot_stands(bridge, client):
+def test_it_tells_where_the_robot_stands_and_what_it_looks_like(bridge, client):
     bridge()
-    assert client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+    client.start(NODE)
+    assert "link_base" in client.message(String, "/robot_description", qos=latched()).data
+    joints = client.message(JointState, "/joint_states")
+    assert list(joints.name) == [f"joint{number}" for number in range(1, 7)]
+    tool = position(client.message(PoseStamped, f"{NODE}/tool_pose"))
+    calibration = Calibration.load(CALIBRATION)
+    flange = forward(np.array(joints.position))
+    tcp = Transform(rotation=flange.rotation.as_matrix(), translation=flange.position / 1000.0)
+    np.testing.assert_allclose(calibration.tool_in_world(tcp).translation, tool, atol=1e-5)
     message = client.message(TransformStamped, f"{NODE}/world_to_base", qos=latched())
     assert (message.header.frame_id, message.child_frame_id) == ("world", "link_base")
     base = Calibration.load(CALIBRATION).world_to_base.inverse().translation
@@ -233,6 +252,42 @@ def test_it_starts_by_itself_and_waits_for_the_controller(start_node, client):
     start_node("xarm_bridge", "bridge_node", "--ros-args", *words)
     start_node("xarm_bridge", "emulator", "--host", address, "--ros-args", "-r", "__node:=emulator")
     client.wait_for_state(NODE, "active")
+
+
+def test_a_plan_file_is_executed_and_old_or_foreign_plans_are_not(bridge, client, tmp_path):
+    bridge()
+    client.start(NODE)
+    path = tmp_path / "plan.json"
+    plan = dataclasses.replace(SHORT, twin_id="fedcba9876543210")
+    write_plan(path, PlanFile(plan=plan, stamp_ns=time.time_ns(), tolerance=0.01))
+    assert client.act(ExecutePlan, EXECUTE, ExecutePlan.Goal(plan_file=str(path))).result.success
+    asked = ExecutePlan.Goal(plan_file=str(tmp_path / "absent.json"))
+    assert "cannot read plan" in client.act(ExecutePlan, EXECUTE, asked).result.message
+    assert "made 3600 s ago, at most 300 s" in execute(client, SHORT, age_s=3600.0).result.message
+    unstamped = ExecutePlan.Goal(plan=plan_message(SHORT))
+    assert "does not say when it was made" in client.act(ExecutePlan, EXECUTE, unstamped).result.message
+    assert set_parameter(client, "max_plan_age_s", 0.0).successful, "it is read for each plan"
+    assert client.act(ExecutePlan, EXECUTE, unstamped).result.success
+
+
+def test_limits_and_address_are_not_changed_under_way(bridge, client):
+    bridge()
+    client.start(NODE)
+    for name, value in (("max_speed_m_s", 0.1), ("robot_ip", "127.9.9.9"), ("workspace_max_m", [0.5, 0.1, 0.2])):
+        refused = set_parameter(client, name, value)
+        assert not refused.successful
+        assert "deactivate first" in refused.reason
+    assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
+    assert set_parameter(client, "max_speed_m_s", 0.1).successful
+    assert client.change_state(NODE, Transition.TRANSITION_ACTIVATE)
+    assert "speed 0.167 m/s exceeds 0.1 m/s" in execute(client, SHORT).result.message
+
+
+def test_stop_works_before_the_bridge_is_configured(bridge, client):
+    bridge()
+    client.wait_for_state(NODE, "unconfigured")
+    answer = client.call(Trigger, f"{NODE}/stop")
+    assert answer.success, answer.message
 
 
 def test_a_dead_controller_ends_the_plan_with_a_message(bridge, client):

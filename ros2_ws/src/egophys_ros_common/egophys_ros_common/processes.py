@@ -67,7 +67,9 @@ class NodeProcess:
         self._log = log
         self._end_expected = False
         with log.open("wb") as output:
-            self._process = subprocess.Popen([path, *arguments], stdout=output, stderr=subprocess.STDOUT)
+            self._process = subprocess.Popen(
+                [path, *arguments], stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT
+            )
 
     @property
     def output(self) -> str:
@@ -88,6 +90,18 @@ class NodeProcess:
             return text in self.output
 
         wait_until(printed, timeout, f"{text!r} in the output of {self.name}")
+
+    def say(self, line: str) -> None:
+        """Write a line to its standard input."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{line}\n".encode())
+        self._process.stdin.flush()
+
+    def freeze(self, seconds: float) -> None:
+        """Let it stand still for a while, as on a machine that hangs."""
+        self._process.send_signal(signal.SIGSTOP)
+        time.sleep(seconds)
+        self._process.send_signal(signal.SIGCONT)
 
     def interrupt(self) -> int:
         """Ctrl-C, as a person or launch would; the exit code."""
@@ -148,6 +162,7 @@ class Client:
         rclpy.init(context=self._context)
         self.node = rclpy.create_node(f"client_{os.getpid()}", context=self._context)
         self._group = ReentrantCallbackGroup()
+        self._action_clients: dict[str, ActionClient] = {}
         self._executor = _Executor(context=self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._executor.spin, name="client", daemon=True)
@@ -249,7 +264,7 @@ class Client:
         self, kind: Any, name: str, goal: Any, on_feedback: Callable[[Any], None] | None = None
     ) -> ClientGoalHandle:
         """Send an action goal, waiting first until the server is there; see `.accepted` of the handle."""
-        client = ActionClient(self.node, kind, name, callback_group=self._group)
+        client = self._action_client(kind, name)
         self._wait_for_server(client.server_is_ready, f"action {name}")
         feedback = (lambda message: on_feedback(message.feedback)) if on_feedback else None
         return self._answer(
@@ -269,6 +284,11 @@ class Client:
     def cancel(self, handle: ClientGoalHandle) -> Any:
         """Ask for a goal's cancellation; the answer, not the result."""
         return self._answer(handle.cancel_goal_async, ANSWER_TIMEOUT, "answer to the cancellation")
+
+    def _action_client(self, kind: Any, name: str) -> ActionClient:
+        if name not in self._action_clients:
+            self._action_clients[name] = ActionClient(self.node, kind, name, callback_group=self._group)
+        return self._action_clients[name]
 
     def _wait_for_server(self, is_ready: Callable[[], bool], what: str) -> None:
         wait_until(is_ready, APPEAR_TIMEOUT, what)

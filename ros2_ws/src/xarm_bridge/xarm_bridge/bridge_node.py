@@ -161,6 +161,9 @@ class BridgeNode(ManagedNode):
         self._ownership.acquire()
         if not self._ownership.is_seen_elsewhere:
             self.get_logger().warning("this control box keeps no notes: bridges on other machines will not be noticed")
+        if self._ownership.abandoned_by:
+            self.get_logger().warning(f"{self._ownership.abandoned_by} left the arm without releasing it; it is halted")
+            driver.halt()
         self._driver = driver
 
     def _watch(self) -> None:
@@ -292,6 +295,7 @@ class BridgeNode(ManagedNode):
 
     async def _stop_arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._stop_requested.set()
+        self.get_logger().warning("stopped on request")
         return await self._answer(response, self._stops.run(self._halt), "stopped")
 
     def _halt_unowned(self) -> None:

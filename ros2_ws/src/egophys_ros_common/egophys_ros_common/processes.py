@@ -91,6 +91,11 @@ class NodeProcess:
 
         wait_until(printed, timeout, f"{text!r} in the output of {self.name}")
 
+    def memory_mb(self) -> float:
+        """Memory that it holds, MB."""
+        pages = int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
     def say(self, line: str) -> None:
         """Write a line to its standard input."""
         assert self._process.stdin is not None

@@ -19,7 +19,7 @@ STILL_M = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class FaultScenario:
     """One thing that goes wrong while a plan is executed, unless `cause` says otherwise."""
 
     name: str
@@ -40,7 +40,7 @@ class Fault:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class FaultOutcome:
     """What was seen of it."""
 
     fault: str
@@ -114,63 +114,69 @@ CLEAR = "calls ~/clear_error, sends the next plan"
 NEXT = "sends the next plan"
 
 FAULTS = (
-    Fault(
+    FaultScenario(
         name="controller killed",
         cause=_kill_controller,
         reason="controller",
         user="starts it again, sends the next plan",
         mend=_start_controller,
     ),
-    Fault(name="controller hangs for 3 s", cause=_inject("silence=3", 4.0), reason="no answer", user=NEXT),
-    Fault(name="controller restarted", cause=_restart_controller, reason="controller", user=NEXT),
-    Fault(
+    FaultScenario(name="controller hangs for 3 s", cause=_inject("silence=3", 4.0), reason="no answer", user=NEXT),
+    FaultScenario(name="controller restarted", cause=_restart_controller, reason="controller", user=NEXT),
+    FaultScenario(
         name="error 31 (collision)",
         cause=_inject("error=31", GRACE_S),
         reason="controller error 31",
         user=CLEAR,
         mend=lambda rig: rig.call("clear_error"),
     ),
-    Fault(name="stopped at the controller", cause=_inject("stop", GRACE_S), reason="stopped or disabled", user=NEXT),
-    Fault(name="mode changed from elsewhere (state 5)", cause=_inject("mode=0", GRACE_S), reason="stopped", user=NEXT),
-    Fault(name="network cut for 3 s", cause=_inject("cut=3", 5.0), reason="controller", user=NEXT),
-    Fault(name="~/stop", cause=lambda rig: assert_true(rig.call("stop")), reason="stopped on request", user=NEXT),
-    Fault(
+    FaultScenario(
+        name="stopped at the controller", cause=_inject("stop", GRACE_S), reason="stopped or disabled", user=NEXT
+    ),
+    FaultScenario(
+        name="mode changed from elsewhere (state 5)", cause=_inject("mode=0", GRACE_S), reason="stopped", user=NEXT
+    ),
+    FaultScenario(name="network cut for 3 s", cause=_inject("cut=3", 5.0), reason="controller", user=NEXT),
+    FaultScenario(
+        name="~/stop", cause=lambda rig: assert_true(rig.call("stop")), reason="stopped on request", user=NEXT
+    ),
+    FaultScenario(
         name="stale plan",
         cause=lambda rig: ignore(rig.client.result(rig.send(SHORT, age_s=3600.0))),
         reason="made 3600 s ago",
         user="plans again",
         idle=True,
     ),
-    Fault(
+    FaultScenario(
         name="plan of another twin",
         cause=_send_another_twins_plan,
         reason="0123456789abcdef",
         user="plans again",
         idle=True,
     ),
-    Fault(
+    FaultScenario(
         name="second plan",
         cause=lambda rig: ignore(rig.client.result(rig.send(LONG))),
         reason="another plan is being executed",
         user="waits, or cancels the first",
         goes_on=True,
     ),
-    Fault(
+    FaultScenario(
         name="second bridge",
         cause=_start_second_bridge,
         reason="is driven by",
         user="ends one of them",
         goes_on=True,
     ),
-    Fault(
+    FaultScenario(
         name="transform missing",
         cause=_lose_the_transform,
         reason="world_to_base.yaml",
         user="sets calibration_file, configures and activates again",
         mend=_give_the_transform,
     ),
-    Fault(name="bridge stands still for 3 s", cause=_freeze_bridge, reason="held the stream", user=NEXT),
-    Fault(
+    FaultScenario(name="bridge stands still for 3 s", cause=_freeze_bridge, reason="held the stream", user=NEXT),
+    FaultScenario(
         name="bridge killed",
         cause=_kill_bridge,
         reason="left the arm without releasing it",
@@ -190,7 +196,7 @@ def ignore(value: Any) -> None:
     """Want no answer."""
 
 
-def meet(fault: Fault, rig: FaultRig) -> Outcome:
+def meet(fault: FaultScenario, rig: FaultRig) -> FaultOutcome:
     """Let a fault happen to a rig that is in order, and look."""
     began = time.time()
     handle = None if fault.idle else rig.begin_long_plan()
@@ -211,7 +217,7 @@ def meet(fault: Fault, rig: FaultRig) -> Outcome:
     else:
         fault.mend(rig)
         told = rig.told(began, fault.reason)
-    return Outcome(
+    return FaultOutcome(
         fault=fault.name,
         held_still=held_still,
         reason_published_once=len(told) == 1 and fault.reason in told[0],

@@ -13,7 +13,7 @@ from benchmarks.fault_rig import FaultRig, loopback_addresses, plan_through
 
 STREAMED = "move_servo_cart"
 PAUSE_S = 0.09
-"""Between two plans and between approach and plan the arm stands still for longer; no gap in a stream is meant there."""
+"""The arm stands still for longer between plans, and between approach and plan; no gap in a stream is meant there."""
 LEG_S, LEGS = 2.0, 30
 """A plan of a minute: to and fro."""
 WARM_UP = 2
@@ -26,7 +26,8 @@ MINUTE = plan_through(
 
 def measure(hours: float) -> dict[str, Any]:
     """Stream plans of a minute one after another for some hours, through the bridge's action, on this machine."""
-    gaps, memory = [], []
+    gaps: list[np.ndarray] = []
+    memory: list[float] = []
     with TemporaryDirectory() as folder:
         client = Client()
         rig = FaultRig(client, Path(folder), loopback_addresses()())
@@ -38,7 +39,8 @@ def measure(hours: float) -> dict[str, Any]:
                     raise RuntimeError(f"plan {len(memory)}: {ended.result.message}")
                 memory.append(rig.bridge.memory_mb())
                 gaps.append(_gaps(Path(folder) / "wire.jsonl"))
-                print(f"{len(memory)} plans, {memory[-1]:.1f} MB, longest gap {1e3 * gaps[-1].max():.1f} ms", flush=True)
+                longest_ms = 1e3 * gaps[-1].max()
+                print(f"{len(memory)} plans, {memory[-1]:.1f} MB, longest gap {longest_ms:.1f} ms", flush=True)
         finally:
             rig.close()
             client.close()

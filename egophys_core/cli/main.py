@@ -22,6 +22,7 @@ SUBCOMMANDS = {
     "evaluate": "Errors of a twin on an episode of its object: train, test and all frames.",
     "simulate": "Move a twin with an episode's controllers and write the predicted points as a bag.",
     "plan": "Plan tool waypoints that bring the object to a target shape; writes them as JSON.",
+    "execute": "Execute a plan file on an arm, or on the emulator, without ROS.",
     "replay": "Feed a log's inputs to the same code and compare the outputs; exit code 1 if one differs.",
     "diagnose": "Say what a twin lacks to predict recorded episodes, with the evidence, and write a better twin.",
     "rehearse": "Record episodes of a soft object in a physics engine that is not the twin's, with injected effects.",

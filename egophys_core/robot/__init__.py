@@ -9,6 +9,7 @@ from egophys_core.robot.frames import Transform, quaternions_from_rpy, rpy_from_
 from egophys_core.robot.limits import MotionLimits, check_plan
 from egophys_core.robot.ownership import ArmTakenError, Ownership
 from egophys_core.robot.path import PlannedPath, StraightMove
+from egophys_core.robot.plan_origin import Origin, check_origin
 
 __all__ = [
     "ArmDriver",
@@ -22,11 +23,13 @@ __all__ = [
     "FitReport",
     "LinkEvents",
     "MotionLimits",
+    "Origin",
     "Ownership",
     "PlanExecutor",
     "PlannedPath",
     "StraightMove",
     "Transform",
+    "check_origin",
     "check_plan",
     "fit_world_to_base",
     "load_driver",

@@ -19,13 +19,13 @@ RETRY_PERIOD_S = 1.0
 class LinkEvents:
     """What the link tells, from its thread."""
 
-    on_state: Callable[[ArmState], None]
+    on_state: Callable[[ArmState], None] = lambda state: None
     """Fifty times a second."""
-    on_error: Callable[[int], None]
+    on_error: Callable[[int], None] = lambda code: None
     """The controller's error code has changed; 0 is none."""
-    on_lost: Callable[[RobotError], None]
+    on_lost: Callable[[RobotError], None] = lambda error: None
     """The arm no longer answers, or another process has taken it."""
-    on_found: Callable[[], None]
+    on_found: Callable[[], None] = lambda: None
     """It answers again, and has been halted: nothing goes on that was begun before."""
 
 

@@ -1,6 +1,7 @@
 """What the arm may be asked to do; a plan is judged as a whole before anything moves."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,10 @@ from egophys_core.options import from_mapping, number, validate
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.yaml_mapping import load_mapping, number_array
 from egophys_core.waypoint_plan import UNIT_QUATERNION_TOLERANCE, WaypointPlan
+
+ROS_KEY = "ros__parameters"
+ALIKE = 0.8
+"""Likeness of two names (difflib's) from which one is taken for a misspelling of the other."""
 
 TURN_STEP_RAD = 0.1
 """Orientations between two waypoints are looked at in steps of at most this."""
@@ -73,11 +78,21 @@ class MotionLimits:
     def load(cls, path: Path) -> "MotionLimits":
         """Read a YAML file whose keys are fields of this class; those left out keep their defaults.
 
+        A file of the bridge's ROS parameters is taken, too; of what it holds besides limits only a name that looks like
+        a misspelt limit is refused.
+
         Raises:
             RobotError: the file cannot be read.
             OptionsError: an unknown name (suggests the nearest), a wrong type, or out of range.
         """
         content = load_mapping(path)
+        if len(content) == 1 and isinstance(node := next(iter(content.values())), dict) and ROS_KEY in node:
+            names = [each.name for each in fields(cls)]
+            content = {
+                name: value
+                for name, value in node[ROS_KEY].items()
+                if get_close_matches(name, names, n=1, cutoff=ALIKE)
+            }
         for name in ("workspace_min_m", "workspace_max_m"):
             if name in content:
                 content[name] = tuple(number_array(content[name], f"{path}: {name}", 3).tolist())

@@ -4,6 +4,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -12,7 +13,6 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
 from egophys_core.errors import EgophysError
 from egophys_ros_common.managed_node import ManagedNode
@@ -64,20 +64,21 @@ def run_node(make: Callable[[], ManagedNode]) -> int:
 
 
 def _spin(node: ManagedNode, executor: SingleThreadedExecutor) -> int:
-    told_to_end = Future()
-    with _signals(lambda: node.hand_over(_set_done, told_to_end)):
+    told_to_end = threading.Event()
+    with _signals(lambda: node.hand_over(told_to_end.set)):
         if not node.get_parameter("autostart").value:
             node.get_logger().info(
                 f"waits to be configured: ros2 lifecycle set {node.get_fully_qualified_name()} configure"
             )
         elif not _started(node):
             return 1
-        executor.spin_until_future_complete(told_to_end)
+        # Not spin_until_future_complete, which adds a callback to the future each time that something happens.
+        while rclpy.ok() and not told_to_end.is_set():
+            executor.spin_once()
         node.stop_working()
-        answered = Future()
-        timer = node.create_timer(LAST_SPIN_S, lambda: None if node.open_goals else _set_done(answered))
-        executor.spin_until_future_complete(answered, GOALS_END_S)
-        node.destroy_timer(timer)
+        deadline = time.monotonic() + GOALS_END_S
+        while node.open_goals and time.monotonic() < deadline:
+            executor.spin_once(LAST_SPIN_S)
         for _ in range(LAST_SPINS):
             executor.spin_once(LAST_SPIN_S)
     return 0
@@ -110,11 +111,6 @@ def _signals(on_signal: Callable[[], None]) -> Iterator[None]:
         there.close()
         thread.join()
         here.close()
-
-
-def _set_done(future: Future) -> None:
-    if not future.done():
-        future.set_result(None)
 
 
 def _started(node: ManagedNode) -> bool:

@@ -31,16 +31,17 @@ from egophys_core.robot import (
     Calibration,
     LinkEvents,
     MotionLimits,
+    Origin,
     Ownership,
     PlanExecutor,
     Transform,
+    check_origin,
     check_plan,
     load_driver,
 )
 from egophys_core.waypoint_plan import NANOSECONDS, WaypointPlan, plan_of_message
 from xarm_bridge.arm_topics import ArmTopics
 from xarm_bridge.messages import pose_message, result_message
-from xarm_bridge.plan_origin import Origin, check_origin
 
 FEEDBACK_EVERY = 5
 """Measured poses per feedback message: 10 Hz."""

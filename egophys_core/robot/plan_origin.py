@@ -1,4 +1,4 @@
-"""Where a plan comes from: whether it was made for the twin in use, and lately. Imports no ROS."""
+"""Where a plan comes from: whether it was made for the twin in use, and lately."""
 
 from dataclasses import dataclass
 

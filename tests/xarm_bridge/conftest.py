@@ -13,8 +13,10 @@ from tests.xarm_bridge.emulator_process import (
     CALIBRATION,
     LIMITS,
     PACKAGE,
+    TOOL_DOWN,
     EmulatorProcess,
     loopback_addresses,
+    wait_until,
 )
 
 sys.path.insert(0, str(PACKAGE))  # a plain checkout; an installed workspace is not needed here
@@ -99,3 +101,21 @@ def connect_arm() -> Iterator[Callable[..., Arm]]:
     yield connect
     for arm in opened:
         arm.driver.close()
+
+
+@pytest.fixture(scope="module")
+def shared_api(shared_emulator: EmulatorProcess) -> Iterator[XArmAPI]:
+    api = XArmAPI(shared_emulator.host, is_radian=True)
+    yield api
+    api.disconnect()
+
+
+@pytest.fixture
+def ready(shared_api: XArmAPI) -> XArmAPI:
+    """A connected arm in position mode at a known pose, whatever the test before did to it."""
+    api = shared_api
+    assert [api.clean_error(), api.motion_enable(True), api.set_tcp_offset([0] * 6)] == [0, 0, 0]
+    assert [api.set_mode(0), api.set_state(0)] == [0, 0]
+    wait_until(lambda: api.error_code == 0 and api.mode == 0, 5, "a report of the reset")
+    assert api.set_position(300, 0, 300, *TOOL_DOWN, speed=1000, wait=True) == 0
+    return api

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from xarm.wrapper import XArmAPI
 
 from egophys_core.robot import Calibration, MotionLimits, Transform
 from egophys_core.waypoint_plan import WaypointPlan
@@ -18,6 +19,8 @@ PACKAGE = Path(__file__).resolve().parents[2] / "ros2_ws/src/xarm_bridge"
 
 READY_TIMEOUT = 30.0
 EXIT_TIMEOUT = 10.0
+TOOL_DOWN = (np.pi, 0.0, 0.0)
+"""Roll, pitch, yaw."""
 GRIPPER_DOWN = np.array([1.0, 0.0, 0.0, 0.0])
 
 CALIBRATION = Calibration(
@@ -96,6 +99,13 @@ def make_plan(positions: list[list[float]], times: list[float], opening: float =
         twin_id="",
         predicted_cost=0.0,
     )
+
+
+def reported_pose(api: XArmAPI) -> np.ndarray:
+    """x, y, z in mm and roll, pitch, yaw in radians, asked for now."""
+    code, values = api.get_position()
+    assert code == 0
+    return np.array(values)
 
 
 def wait_until(condition: Callable[[], bool], timeout: float, what: str) -> None:

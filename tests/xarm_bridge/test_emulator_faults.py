@@ -2,15 +2,14 @@
 
 import itertools
 import json
-import math
 import socket
 
 import numpy as np
 import pytest
 
+from tests.xarm_bridge.emulator_process import TOOL_DOWN as DOWN
 from tests.xarm_bridge.emulator_process import wait_until
 
-DOWN = (math.pi, 0.0, 0.0)
 FIVE_MM_ON = [305.0, 0.0, 300.0, *DOWN]
 
 

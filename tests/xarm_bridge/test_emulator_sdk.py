@@ -5,35 +5,10 @@ import time
 
 import numpy as np
 import pytest
-from xarm.wrapper import XArmAPI
 
+from tests.xarm_bridge.emulator_process import TOOL_DOWN as DOWN
+from tests.xarm_bridge.emulator_process import reported_pose as position
 from tests.xarm_bridge.emulator_process import wait_until
-
-DOWN = (np.pi, 0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def shared_api(shared_emulator):
-    api = XArmAPI(shared_emulator.host, is_radian=True)
-    yield api
-    api.disconnect()
-
-
-@pytest.fixture
-def ready(shared_api):
-    """A connected arm in position mode at a known pose, whatever the test before did to it."""
-    api = shared_api
-    assert [api.clean_error(), api.motion_enable(True), api.set_tcp_offset([0] * 6)] == [0, 0, 0]
-    assert [api.set_mode(0), api.set_state(0)] == [0, 0]
-    wait_until(lambda: api.error_code == 0 and api.mode == 0, 5, "a report of the reset")
-    assert api.set_position(300, 0, 300, *DOWN, speed=1000, wait=True) == 0
-    return api
-
-
-def position(api):
-    code, values = api.get_position()
-    assert code == 0
-    return np.array(values)
 
 
 def test_the_sdk_sees_an_xarm6(start_emulator, connect_api):

@@ -7,7 +7,9 @@ from collections.abc import Callable
 from functools import partial
 
 from xarm_bridge.emulator.controller import Controller
+from xarm_bridge.emulator.devices import Devices
 from xarm_bridge.emulator.faults import Fault, FaultSchedule
+from xarm_bridge.emulator.feedback import SET_TYPES, Feedback
 from xarm_bridge.emulator.gripper import Gripper
 from xarm_bridge.emulator.holding import HoldingRegisters
 from xarm_bridge.emulator.journal import Journal
@@ -22,7 +24,7 @@ from xarm_bridge.emulator.protocol import (
     encode_modbus_reply,
     encode_reply,
 )
-from xarm_bridge.emulator.registers import Devices, answer
+from xarm_bridge.emulator.registers import answer
 from xarm_bridge.emulator.report import normal_report, real_report, rich_report
 
 log = logging.getLogger("xarm_emulator")
@@ -52,6 +54,7 @@ class ControlBox:
         self._devices = Devices(serial=serial, controller=Controller(start), gripper=Gripper())
         self._holding = HoldingRegisters()
         self._faults = FaultSchedule(faults)
+        self._feedback = Feedback()
         self._journal = journal
         self._speedup = speedup
         self._began = time.monotonic()
@@ -97,6 +100,9 @@ class ControlBox:
         self._faults.advance(self._devices.controller, now)
         self._follow_cut()
         self._note_changes()
+        for client, frame in self._feedback.frames(self._devices.controller.queue.events, now):
+            if not (self._faults.silent or client.is_closing()):
+                client.write(frame)
 
     def _note_changes(self) -> None:
         if self._journal:
@@ -138,23 +144,33 @@ class ControlBox:
                     self._advance()
                     if writer.is_closing():  # reset just now, because a cut is over
                         return
-                    writer.write(self._reply(request))
+                    writer.write(self._reply(request, writer))
                 await writer.drain()
         except ProtocolError as error:
             log.warning("closing a connection that sent no request: %s", error)
         finally:
+            self._feedback.forget(writer)
             log.info("client gone")
 
-    def _reply(self, request: Request) -> bytes:
+    def _reply(self, request: Request, client: asyncio.StreamWriter) -> bytes:
         if self._faults.silent:
             return b""
         if request.protocol in PRIVATE_PROTOCOLS:
-            status, params, accepted = answer(self._devices, request.register, request.params)
-            if self._journal:
-                controller = self._devices.controller
-                self._journal.command(controller, request.register, request.params, accepted=accepted)
-                self._journal.notice_changes(controller)
-            return encode_reply(request, status, params)
+            return self._carry_out(request, client)
         if request.protocol == STANDARD_MODBUS:
             return encode_modbus_reply(request, self._holding.answer(request.params))
         return b""
+
+    def _carry_out(self, request: Request, client: asyncio.StreamWriter) -> bytes:
+        controller = self._devices.controller
+        if request.register == SET_TYPES and request.params:
+            self._feedback.choose(client, request.params[0])
+            return encode_reply(request, controller.status)
+        tasks = controller.queue.tasks
+        status, params, accepted = answer(self._devices, request.register, request.params)
+        if controller.queue.tasks > tasks:
+            self._feedback.expect(controller.queue.tasks, client, request)
+        if self._journal:
+            self._journal.command(controller, request.register, request.params, accepted=accepted)
+            self._journal.notice_changes(controller)
+        return encode_reply(request, status, params)

@@ -1,68 +1,27 @@
 """The emulated arm: modes, states, errors and the motion they allow. Knows no sockets and no wall clock."""
 
-import enum
 import logging
-from collections import deque
+import math
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from xarm_bridge.emulator.kinematics import (
-    JOINTS,
-    READY_JOINTS,
-    Pose,
-    forward,
-    inverse,
-    outside_limits,
-)
-from xarm_bridge.emulator.motion import JointMove, LineMove
+from xarm_bridge.emulator.circle import CircleMove
+from xarm_bridge.emulator.kinematics import JOINTS, Pose
+from xarm_bridge.emulator.mechanics import Mechanics
+from xarm_bridge.emulator.motion import Dwell, JointMove, LineMove, Place
+from xarm_bridge.emulator.motion_queue import MotionQueue
 from xarm_bridge.emulator.protocol import Status
+from xarm_bridge.emulator.reduced import ReducedMode
+from xarm_bridge.emulator.states import CIRCLE_ERROR, MOTORS_LOSE_POWER, Mode, MotionError, RefusedError, State
+from xarm_bridge.emulator.streaming import SERVO_LARGEST_STEP, JointVelocity, Velocity, towards_joints, towards_pose
 
 log = logging.getLogger("xarm_emulator")
 
-SERVO_SPEED = 1000.0
-"""mm/s; servo targets are run at the fastest tool speed (UFACTORY, Servo Mode Usage Guide)."""
-SERVO_ANGULAR_SPEED = np.pi
-"""rad/s, the same guide's 180 degrees per second."""
-SERVO_LARGEST_STEP = 10.0
-"""mm; farther targets are not executed (UFACTORY, Guide to use set_servo_cartesian)."""
 SLOWEST = 0.1
 """mm/s or degree/s: the controller raises smaller speeds to this."""
 SLOWEST_JOINT = 1e-4
 """rad/s, the same for joints."""
-
-MOTORS_LOSE_POWER = frozenset(range(1, 18))
-"""Emergency stop and servo errors: the brakes close and motion_enable is needed again."""
-KINEMATIC_ERROR = 21
-JOINT_LIMIT_ERROR = 23
-
-
-class Mode(enum.IntEnum):
-    """Modes emulated; a request for another one is answered as invalid."""
-
-    POSITION = 0
-    SERVO = 1
-
-
-class State(enum.IntEnum):
-    """States as the controller reports them."""
-
-    MOVING = 1
-    READY = 2
-    PAUSED = 3
-    STOPPED = 4
-    MODE_CHANGED = 5
-
-
-class RefusedError(Exception):
-    """A command the controller answers with a status bit and does not carry out."""
-
-    def __init__(self, status: Status = Status.INVALID, reply: bytes = b"") -> None:
-        super().__init__(status)
-        self.status = status
-        self.reply = reply
-        """Parameters of the reply; clients want their full length of a register they read."""
 
 
 class Controller:
@@ -78,31 +37,21 @@ class Controller:
         Raises:
             ValueError: the arm cannot reach `start`.
         """
-        joints = inverse(start, READY_JOINTS)
-        if joints is None or outside_limits(joints):
-            raise ValueError(f"an xArm6 cannot reach {np.round(start.to_wire(), 3).tolist()} (mm, rad)")
-        self.joints = joints
-        self.flange = start
-        self.tcp_offset = Pose(np.zeros(3), Rotation.identity())
+        self.reduced = ReducedMode()
+        self.arm = Mechanics(start, self.reduced)
         self.mode = Mode.POSITION
         self.error = 0
         self.warning = 0
         self.motors = [False] * JOINTS
-        self.tool_speed = 0.0
         self.motion_commands = 0
+        self.queue = MotionQueue()
         self._stopped = True
         self._mode_changed = False
         self._paused = False
-        self._queue: deque[Callable[[], LineMove | JointMove]] = deque()
-        self._move: LineMove | JointMove | None = None
-        self._move_time = 0.0
         self._servo_target: Pose | np.ndarray | None = None
+        self._velocity: Velocity | None = None
+        self._velocity_ends = math.inf
         self._now = 0.0
-
-    @property
-    def tool(self) -> Pose:
-        """TCP pose, with the TCP offset."""
-        return self.flange @ self.tcp_offset
 
     @property
     def state(self) -> State:
@@ -113,7 +62,7 @@ class Controller:
             return State.MODE_CHANGED
         if self._paused:
             return State.PAUSED
-        moving = self._move is not None or self._queue or self._servo_target is not None
+        moving = len(self.queue) or self._servo_target is not None or self._velocity is not None
         return State.MOVING if moving else State.READY
 
     @property
@@ -128,24 +77,18 @@ class Controller:
             status |= Status.NOT_READY
         return status
 
-    @property
-    def queued(self) -> int:
-        """Number of motion commands not finished."""
-        return len(self._queue) + (self._move is not None)
-
     def advance(self, now: float) -> None:
         """Move on to a time in seconds; earlier times change nothing."""
         elapsed = now - self._now
         if elapsed <= 0:
             return
         self._now = now
-        before = self.flange.position
-        if self.state is State.MOVING:
-            if self.mode is Mode.SERVO:
-                self._chase(elapsed)
-            else:
-                self._follow_queue(elapsed)
-        self.tool_speed = float(np.linalg.norm(self.flange.position - before)) / elapsed
+        try:
+            if self.state is State.MOVING:
+                self._move(elapsed)
+        except MotionError as trouble:
+            self.raise_error(trouble.code)
+        self.arm.measure_speeds(now)
 
     def enable_motors(self, axis: int, enable: bool) -> None:
         """Axis 1 to 6 as on the wire, 8 for all."""
@@ -182,7 +125,7 @@ class Controller:
     def set_tcp_offset(self, offset: Pose) -> None:
         """Pose of the TCP in the flange frame; like a mode change it needs `set_state(0)` afterwards."""
         self._drop_motion()
-        self.tcp_offset = offset
+        self.arm.set_tcp_offset(offset)
         self._mode_changed = True
 
     def stop(self) -> None:
@@ -213,35 +156,73 @@ class Controller:
         `goal_from` gives the goal from the TCP pose where the line starts, so relative lines can be queued.
         """
         self._check(Mode.POSITION)
-        speed, acceleration = max(speed, SLOWEST), max(acceleration, SLOWEST)
 
-        def start() -> LineMove:
-            goal = goal_from(self.tool) @ self.tcp_offset.inverse()
-            return LineMove.between(self.flange, goal, speed, acceleration)
+        def plan() -> LineMove:
+            goal = goal_from(self.arm.tool)
+            self._check_reach(goal)
+            return LineMove.between(self.arm.tool, goal, self._tool_speed(speed), max(acceleration, SLOWEST))
 
-        self._queue.append(start)
+        self.queue.add(plan)
+
+    def circle(
+        self, points_from: Callable[[Pose], tuple[Pose, Pose]], rounds: float, speed: float, acceleration: float
+    ) -> None:
+        """Queue so many rounds (above 0) of the circle through the TCP and two more points, in mm/s and mm/s^2."""
+        self._check(Mode.POSITION)
+
+        def plan() -> CircleMove:
+            first, second = points_from(self.arm.tool)
+            move = CircleMove.through(
+                self.arm.tool, first, second, rounds, self._tool_speed(speed), max(acceleration, SLOWEST)
+            )
+            if move is None:
+                raise MotionError(CIRCLE_ERROR)
+            return move
+
+        self.queue.add(plan)
 
     def turn_joints(self, goal_from: Callable[[np.ndarray], np.ndarray], speed: float, acceleration: float) -> None:
         """Queue a joint move, in rad/s and rad/s^2; `goal_from` gives the goal [6] from the start [6]."""
         self._check(Mode.POSITION)
-        speed, acceleration = max(speed, SLOWEST_JOINT), max(acceleration, SLOWEST_JOINT)
-        self._queue.append(lambda: JointMove.between(self.joints, goal_from(self.joints), speed, acceleration))
+
+        def plan() -> JointMove:
+            goal = goal_from(self.arm.joints)
+            self._check_reach(goal)
+            fastest = max(min(speed, self.reduced.speeds.joints), SLOWEST_JOINT)
+            return JointMove.between(self.arm.joints, goal, fastest, max(acceleration, SLOWEST_JOINT))
+
+        self.queue.add(plan)
+
+    def dwell(self, duration: float) -> None:
+        """Queue seconds of standing still."""
+        self._check(Mode.POSITION)
+        self.queue.add(lambda: Dwell(duration))
+
+    def mark(self) -> None:
+        """Queue a task that ends at once, when all before it have ended; other modes than position have no queue."""
+        if self.mode is Mode.POSITION and self.state < State.STOPPED:
+            self.queue.add(lambda: Dwell(0.0))
 
     def servo_to(self, goal: Pose) -> None:
-        """Newest Cartesian servo target of the TCP; older ones are forgotten."""
+        """Newest servo target of the TCP; older ones are forgotten."""
         self._check(Mode.SERVO)
-        flange = goal @ self.tcp_offset.inverse()
-        last = self._servo_target if isinstance(self._servo_target, Pose) else self.flange
-        step = float(np.linalg.norm(flange.position - last.position))
+        last = self._servo_target if isinstance(self._servo_target, Pose) else self.arm.tool
+        step = float(np.linalg.norm(goal.position - last.position))
         if step > SERVO_LARGEST_STEP:
             log.warning("servo target %.1f mm away not executed, at most %.0f mm", step, SERVO_LARGEST_STEP)
             raise RefusedError(Status.OK)  # clients are not told
-        self._servo_target = flange
+        self._servo_target = goal
 
     def servo_joints_to(self, goal: np.ndarray) -> None:
         """Newest joint servo target [6], radians."""
         self._check(Mode.SERVO)
         self._servo_target = goal
+
+    def move_at(self, velocity: Velocity, duration: float) -> None:
+        """Newest velocity, for so many seconds (0 or less: until the next one)."""
+        self._check(Mode.JOINT_VELOCITY if isinstance(velocity, JointVelocity) else Mode.TOOL_VELOCITY)
+        self._velocity = None if velocity.is_zero else velocity
+        self._velocity_ends = self._now + duration if duration > 0 else math.inf
 
     def _check(self, mode: Mode) -> None:
         """Motion is refused in error, when not ready, in the wrong mode."""
@@ -251,70 +232,42 @@ class Controller:
             raise RefusedError
         self.motion_commands += 1
 
-    def _drop_motion(self) -> None:
-        self._queue.clear()
-        self._move = None
-        self._servo_target = None
+    def _check_reach(self, goal: Place) -> None:
+        if trouble := self.arm.trouble_at(goal):
+            raise MotionError(trouble)
 
-    def _follow_queue(self, elapsed: float) -> None:
-        while elapsed > 0 and self.state is State.MOVING:
-            if self._move is None:
-                self._move = self._queue.popleft()()
-                self._move_time = 0.0
-                trouble = self.trouble_at(self._move.goal)
-                if trouble:
-                    self.raise_error(trouble)
-                    return
-            self._move_time += elapsed
-            elapsed = self._move_time - self._move.profile.duration
-            move = self._move
-            if elapsed >= 0:
-                self._move = None
-            if isinstance(move, LineMove):
-                self._place_flange(move.pose_at(self._move_time))
-            else:
-                self._place_joints(move.joints_at(self._move_time))
+    def _drop_motion(self) -> None:
+        self.queue.drop()
+        self._servo_target = None
+        self._velocity = None
+
+    def _tool_speed(self, asked: float) -> float:
+        return max(min(asked, self.reduced.speeds.tool), SLOWEST)
+
+    def _move(self, elapsed: float) -> None:
+        if self.mode is Mode.SERVO:
+            self._chase(elapsed)
+        elif self.mode is Mode.POSITION:
+            while elapsed > 0 and len(self.queue):
+                place, elapsed = self.queue.follow(elapsed)
+                self.arm.go(place)
+        elif self._velocity is not None:
+            velocity = self._velocity.limited(self.reduced.speeds)
+            began, ends = self._now - elapsed, min(self._now, self._velocity_ends)
+            if ends < self._now:
+                self._velocity = None
+            self.arm.go(velocity.carry(self.arm.tool, self.arm.joints, max(ends - began, 0.0)))
 
     def _chase(self, elapsed: float) -> None:
-        """Towards the newest target as fast as servo mode goes."""
-        target = self._servo_target
-        if isinstance(target, Pose):
-            displacement = target.position - self.flange.position
-            turn = (self.flange.rotation.inv() * target.rotation).as_rotvec()
-            needed = max(
-                float(np.linalg.norm(displacement)) / SERVO_SPEED, float(np.linalg.norm(turn)) / SERVO_ANGULAR_SPEED
-            )
-            share = min(1.0, elapsed / needed) if needed > 0 else 1.0
-            rotation = self.flange.rotation * Rotation.from_rotvec(share * turn)
-            self._place_flange(Pose(self.flange.position + share * displacement, rotation))
-        elif target is not None:
-            displacement = target - self.joints
-            needed = float(np.abs(displacement).max()) / SERVO_ANGULAR_SPEED
-            share = min(1.0, elapsed / needed) if needed > 0 else 1.0
-            self._place_joints(self.joints + share * displacement)
-        else:
+        """Towards the newest target as fast as servo mode goes, and hold there."""
+        target, speeds = self._servo_target, self.reduced.speeds
+        if target is None:
             return
-        if share == 1.0:
+        if isinstance(target, Pose):
+            place, arrived = towards_pose(target, self.arm.tool, elapsed, speeds)
+            self.arm.go(place)
+        else:
+            joints, arrived = towards_joints(target, self.arm.joints, elapsed, speeds)
+            self.arm.go(joints)
+        if arrived:
             self._servo_target = None
-
-    def trouble_at(self, goal: Pose | np.ndarray) -> int:
-        """The error code that going to a flange pose or joint angles [6] ends with, 0 if none."""
-        joints = inverse(goal, self.joints) if isinstance(goal, Pose) else goal
-        if joints is None:
-            return KINEMATIC_ERROR
-        return JOINT_LIMIT_ERROR if outside_limits(joints) else 0
-
-    def _place_flange(self, pose: Pose) -> None:
-        joints = inverse(pose, self.joints)
-        if joints is None:
-            self.raise_error(KINEMATIC_ERROR)
-        elif outside_limits(joints):
-            self.raise_error(JOINT_LIMIT_ERROR)
-        else:
-            self.flange, self.joints = pose, joints
-
-    def _place_joints(self, joints: np.ndarray) -> None:
-        if outside_limits(joints):
-            self.raise_error(JOINT_LIMIT_ERROR)
-        else:
-            self.joints, self.flange = joints, forward(joints)

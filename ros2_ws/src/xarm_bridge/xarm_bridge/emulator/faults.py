@@ -5,7 +5,8 @@ import math
 import re
 from dataclasses import dataclass
 
-from xarm_bridge.emulator.controller import Controller, Mode
+from xarm_bridge.emulator.controller import Controller
+from xarm_bridge.emulator.states import Mode
 
 log = logging.getLogger("xarm_emulator")
 

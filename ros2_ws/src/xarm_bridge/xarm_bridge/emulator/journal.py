@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import Any, TextIO
 
 from xarm_bridge.emulator.controller import Controller
+from xarm_bridge.emulator.names import NAMES
 
 FLUSH_INTERVAL = 1.0
 """Seconds; a killed emulator loses the lines since."""
@@ -27,12 +28,13 @@ JOINTS = (("joints_rad", 7), ("speed_rad_s", 1), ("acceleration_rad_s2", 1), ("t
 
 @dataclass(frozen=True)
 class Layout:
-    """Parameters of a register: float32 values first, bytes behind them; a shorter request has the first of them."""
+    """Parameters of a register: float32 values first, then bytes; a shorter request has the first of them."""
 
-    name: str
     floats: tuple[tuple[str, int], ...] = ()
     """Name and number of values."""
     flags: tuple[str, ...] = ()
+    then: tuple[str, ...] = ()
+    """Names of float32 values behind the bytes."""
 
     def decode(self, params: bytes) -> dict[str, Any]:
         """Names and values of the parameters that are there."""
@@ -41,31 +43,47 @@ class Layout:
         for name, count in self.floats:
             if offset + 4 * count > len(params):
                 return values
-            numbers = [
-                number if math.isfinite(number) else None for number in struct.unpack_from(f"<{count}f", params, offset)
-            ]
+            numbers = _numbers(params, offset, count)
             values[name] = numbers if count > 1 else numbers[0]
             offset += 4 * count
         values.update(zip(self.flags, params[offset:], strict=False))
+        offset += len(self.flags)
+        for name in self.then:
+            if offset + 4 <= len(params):
+                values[name] = _numbers(params, offset, 1)[0]
+                offset += 4
         return values
 
 
+def _numbers(params: bytes, offset: int, count: int) -> list[float | None]:
+    values = struct.unpack_from(f"<{count}f", params, offset)
+    return [value if math.isfinite(value) else None for value in values]
+
+
 COMMANDS = {
-    11: Layout("motion_en", (), ("axis", "enable")),
-    12: Layout("set_state", (), ("state",)),
-    16: Layout("clean_err"),
-    17: Layout("clean_war"),
-    19: Layout("set_mode", (), ("mode",)),
-    21: Layout("move_line", (*LINE, ("radius_mm", 1)), ("in_tool_frame", "axis_angle", "check_only")),
-    22: Layout("move_lineb", (*LINE, ("radius_mm", 1)), ("check_only",)),
-    23: Layout("move_joint", JOINTS, ("check_only",)),
-    24: Layout("move_jointb", (*JOINTS[:3], ("radius_mm", 1)), ("check_only",)),
-    25: Layout("move_home", JOINTS[1:], ("check_only",)),
-    28: Layout("move_line_tool", LINE, ("check_only",)),
-    29: Layout("move_servoj", JOINTS),
-    30: Layout("move_servo_cart", (*LINE[:4], ("in_tool_frame", 1))),
-    35: Layout("set_tcp_offset", (("offset_mm", 3), ("offset_rpy_rad", 3))),
-    83: Layout("move_relative", (("change", 7), *LINE[2:], ("radius_mm", 1)), ("joints", "axis_angle", "check_only")),
+    11: Layout(flags=("axis", "enable")),
+    12: Layout(flags=("commanded_state",)),
+    16: Layout(),
+    17: Layout(),
+    19: Layout(flags=("commanded_mode",)),
+    21: Layout((*LINE, ("radius_mm", 1)), ("in_tool_frame", "axis_angle", "check_only")),
+    22: Layout((*LINE, ("radius_mm", 1)), ("check_only",)),
+    23: Layout(JOINTS, ("check_only",)),
+    24: Layout((*JOINTS[:3], ("radius_mm", 1)), ("check_only",)),
+    25: Layout(JOINTS[1:], ("check_only",)),
+    26: Layout((("time_s", 1),)),
+    27: Layout(
+        (("first_mm", 3), ("first_rad", 3), *LINE, ("percent", 1)), ("in_tool_frame", "axis_angle", "check_only")
+    ),
+    28: Layout(LINE, ("check_only",)),
+    29: Layout(JOINTS),
+    30: Layout((*LINE[:4], ("in_tool_frame", 1))),
+    35: Layout((("offset_mm", 3), ("offset_rpy_rad", 3))),
+    50: Layout(flags=("on",)),
+    59: Layout(flags=("on",)),
+    81: Layout((("joints_rad_s", 7),), ("synchronous",), ("time_s",)),
+    82: Layout((("velocity_mm_s", 3), ("turn_rad_s", 3)), ("in_tool_frame",), ("time_s",)),
+    83: Layout((("change", 7), *LINE[2:], ("radius_mm", 1)), ("joints", "axis_angle", "check_only")),
 }
 """Registers that move the arm, or decide whether and how it may move."""
 
@@ -83,7 +101,7 @@ class Journal:
         layout = COMMANDS.get(register)
         if layout is None:
             return
-        told = {"register": register, "name": layout.name, "accepted": accepted, **layout.decode(params)}
+        told = {"register": register, "name": NAMES[register], "accepted": accepted, **layout.decode(params)}
         self._write(told, controller)
 
     def notice_changes(self, controller: Controller) -> None:
@@ -103,6 +121,6 @@ class Journal:
             self._file.flush()
 
     def _write(self, told: dict[str, Any], controller: Controller) -> None:
-        pose = [round(value, 6) for value in controller.tool.to_wire()]
+        pose = [round(value, 6) for value in controller.arm.tool.to_wire()]
         line = {"t": round(time.time(), 6), **told, "tool_mm": pose[:3], "rpy_rad": pose[3:]}
         self._file.write(json.dumps(line) + "\n")

@@ -79,26 +79,20 @@ def forward(joints: np.ndarray) -> Pose:
 
 
 def inverse(goal: Pose, seed: np.ndarray) -> np.ndarray | None:
-    """Joint angles [6] whose flange pose is `goal`, near `seed` if it can be reached from there; else None.
+    """Joint angles [6] whose flange pose is `goal`, near `seed` if it can be reached from there; else None."""
+    turned = READY_JOINTS.copy()
+    turned[0] = math.atan2(goal.position[1], goal.position[0])
+    joints = inverse_near(goal, seed)
+    return inverse_near(goal, turned) if joints is None else joints
+
+
+def inverse_near(goal: Pose, seed: np.ndarray) -> np.ndarray | None:
+    """Joint angles [6] whose flange pose is `goal`, found by going there from `seed`; None if that fails.
 
     Damped least squares (Wampler, IEEE Trans. SMC 16 (1986) 93): the wrist's offset of 76 mm rules out
     the closed form for spherical wrists.
     """
-    turned = READY_JOINTS.copy()
-    turned[0] = math.atan2(goal.position[1], goal.position[0])
-    for start in (seed, turned):
-        joints = _iterate(goal, np.array(start, dtype=np.float64))
-        if joints is not None:
-            return joints
-    return None
-
-
-def outside_limits(joints: np.ndarray) -> bool:
-    """Whether any joint [6] is outside its range."""
-    return bool(np.any(joints < JOINT_LIMITS[:, 0]) or np.any(joints > JOINT_LIMITS[:, 1]))
-
-
-def _iterate(goal: Pose, joints: np.ndarray) -> np.ndarray | None:
+    joints = np.array(seed, dtype=np.float64)
     goal_matrix = goal.rotation.as_matrix()
     for _ in range(ITERATIONS):
         frames = _joint_frames(joints)

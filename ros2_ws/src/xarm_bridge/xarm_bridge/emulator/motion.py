@@ -1,6 +1,7 @@
-"""Moves of the position mode: trapezoidal velocity along a line in space or in joint angles."""
+"""Moves of the position mode: trapezoidal velocity along a line in space, in joint angles, or none at all."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,6 +10,20 @@ from xarm_bridge.emulator.kinematics import Pose
 
 PURE_ROTATION = 1e-3
 """Below this length in millimetres a move is a rotation, and its speed is read in degrees per second."""
+
+Place = Pose | np.ndarray | None
+"""A TCP pose, joint angles [6] in radians, or nothing: the arm stays where it is."""
+
+
+class Move(Protocol):
+    """A move that was planned from where the arm stood then."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds from rest to rest."""
+
+    def at(self, time: float) -> Place:
+        """Where the arm shall be at a time in seconds since the start of the move; later is at the goal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +54,7 @@ class Trapezoid:
 
 @dataclass(frozen=True, slots=True)
 class LineMove:
-    """Tool on a straight line, orientation turning steadily with it."""
+    """TCP on a straight line, orientation turning steadily with it."""
 
     start: Pose
     goal: Pose
@@ -53,8 +68,13 @@ class LineMove:
             length = float(np.degrees((start.rotation.inv() * goal.rotation).magnitude()))
         return cls(start, goal, Trapezoid(length, speed, acceleration))
 
-    def pose_at(self, time: float) -> Pose:
-        """Tool pose at a time in seconds since the start of the move."""
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return self.profile.duration
+
+    def at(self, time: float) -> Pose:
+        """TCP pose at a time in seconds."""
         share = self.profile.share_at(time)
         turn = (self.start.rotation.inv() * self.goal.rotation).as_rotvec()
         return Pose(
@@ -76,6 +96,22 @@ class JointMove:
         """Angles [6] in radians, speed in rad/s, acceleration in rad/s^2."""
         return cls(start, goal, Trapezoid(float(np.abs(goal - start).max()), speed, acceleration))
 
-    def joints_at(self, time: float) -> np.ndarray:
-        """Joint angles [6] at a time in seconds since the start of the move."""
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return self.profile.duration
+
+    def at(self, time: float) -> np.ndarray:
+        """Joint angles [6] at a time in seconds."""
         return self.start + self.profile.share_at(time) * (self.goal - self.start)
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """Standing still."""
+
+    duration: float
+    """Seconds."""
+
+    def at(self, time: float) -> None:
+        """Nowhere else."""

@@ -1,18 +1,22 @@
 """What each register of the command port does; numbers and parameters as xarm-python-sdk sends them."""
 
+import logging
 import struct
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from xarm_bridge.emulator.controller import Controller, RefusedError
-from xarm_bridge.emulator.gripper import Gripper
+from xarm_bridge.emulator.devices import Devices, Handler, finite_floats, flag
 from xarm_bridge.emulator.identity import serial_field, version_field
-from xarm_bridge.emulator.kinematics import JOINTS, Pose, forward, inverse, outside_limits
-from xarm_bridge.emulator.protocol import Status, pack_floats, unpack_floats
+from xarm_bridge.emulator.kinematics import JOINTS, Pose, forward, inverse
+from xarm_bridge.emulator.motion_registers import MOTION_HANDLERS
+from xarm_bridge.emulator.names import register_title
+from xarm_bridge.emulator.protocol import Status, pack_floats
+from xarm_bridge.emulator.reduced import WIRE_JOINTS
+from xarm_bridge.emulator.states import RefusedError
+
+log = logging.getLogger("xarm_emulator")
 
 TOOL_RS485 = 9
 """Host id of the RS485 line in the tool; the gripper is on it."""
@@ -22,19 +26,6 @@ BAUD_RATE_2M = 11
 
 ACCEPTED_WITHOUT_EFFECT = frozenset({31, 32, 33, 34, 36, 37, 38, 40, 51, 127, 129})
 """Settings with no meaning here: jerk and acceleration limits, payload, sensitivities, gravity, tool IO."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Devices:
-    """What the registers act on."""
-
-    serial: str
-    """Serial number of the arm."""
-    controller: Controller
-    gripper: Gripper
-
-
-Handler = Callable[[Devices, bytes], bytes]
 
 
 class Answer(NamedTuple):
@@ -58,6 +49,7 @@ def answer(devices: Devices, register: int, params: bytes) -> Answer:
     if handler is None:
         accepted = register in ACCEPTED_WITHOUT_EFFECT
         refusal = Status.OK if accepted else Status.INVALID
+        _name_once(devices, register, accepted)
     else:
         try:
             reply = handler(devices, params)
@@ -68,28 +60,11 @@ def answer(devices: Devices, register: int, params: bytes) -> Answer:
     return Answer(devices.controller.status | refusal, reply, accepted)
 
 
-def _finite_floats(params: bytes, count: int) -> tuple[float, ...]:
-    values = unpack_floats(params, count)
-    if not np.isfinite(values).all():
-        raise ValueError(f"parameters must be finite, got {values}")
-    return values
-
-
-def _goal_floats(params: bytes, count: int, axes: int) -> tuple[float, ...]:
-    """Like `_finite_floats`, but the first `axes` may be infinite: such an axis keeps its value."""
-    values = unpack_floats(params, count)
-    if np.isnan(values[:axes]).any() or not np.isfinite(values[axes:]).all():
-        raise ValueError(f"parameters must be finite or, of axes, infinite, got {values}")
-    return values
-
-
-def _keeping(goal: tuple[float, ...], present: Iterable[float]) -> np.ndarray:
-    """The goal with the present value of every axis that shall keep it."""
-    return np.where(np.isinf(goal), np.fromiter(present, float), goal)
-
-
-def _flag(params: bytes, index: int) -> int:
-    return params[index] if len(params) > index else 0
+def _name_once(devices: Devices, register: int, accepted: bool) -> None:
+    """Say what is not emulated, the first time it is asked for."""
+    if register not in devices.named:
+        devices.named.add(register)
+        log.warning("%s is %s", register_title(register), "accepted without effect" if accepted else "not emulated")
 
 
 def _motion_enable(devices: Devices, params: bytes) -> bytes:
@@ -117,105 +92,89 @@ def _clean_warning(devices: Devices, params: bytes) -> bytes:
     return b""
 
 
-def _line(devices: Devices, params: bytes) -> bytes:
-    """Registers 21 and 22; the longer form adds radius, frame (0 base, 1 tool), axis-angle and check-only."""
-    in_tool_frame, axis_angle, check_only = (_flag(params, 40 + index) for index in range(3))
-    may_keep = 0 if in_tool_frame or axis_angle else 6
-    *target, speed, acceleration, _ = _goal_floats(params, 9, may_keep)
-    controller = devices.controller
-
-    def goal_from(tool: Pose) -> Pose:
-        if axis_angle:
-            pose = Pose(np.array(target[:3]), Rotation.from_rotvec(target[3:]))
-        else:
-            pose = Pose.from_wire(tuple(_keeping(tuple(target), tool.to_wire())))
-        return tool @ pose if in_tool_frame else pose
-
-    if check_only:
-        goal = goal_from(controller.tool) @ controller.tcp_offset.inverse()
-        return struct.pack(">HB", controller.queued, controller.trouble_at(goal))
-    controller.line(goal_from, speed, acceleration)
-    return struct.pack(">HB", controller.queued, 0)
-
-
-def _line_in_tool_frame(devices: Devices, params: bytes) -> bytes:
-    values = _finite_floats(params, 9)
-    target = Pose.from_wire(values)
-    devices.controller.line(lambda tool: tool @ target, values[6], values[7])
-    return b""
-
-
-def _joints(devices: Devices, params: bytes) -> bytes:
-    values = _goal_floats(params, 10, JOINTS + 1)
-    devices.controller.turn_joints(lambda joints: _keeping(values[:JOINTS], joints), values[7], values[8])
-    return b""
-
-
-def _home(devices: Devices, params: bytes) -> bytes:
-    speed, acceleration, _ = _finite_floats(params, 3)
-    devices.controller.turn_joints(np.zeros_like, speed, acceleration)
-    return b""
-
-
-def _relative(devices: Devices, params: bytes) -> bytes:
-    values = _finite_floats(params, 11)
-    change, speed, acceleration = np.array(values[:JOINTS]), values[7], values[8]
-    if _flag(params, 44):
-        devices.controller.turn_joints(lambda joints: joints + change, speed, acceleration)
-    else:
-        devices.controller.line(
-            lambda tool: Pose.from_wire(tuple(np.array(tool.to_wire()) + change)), speed, acceleration
-        )
-    return b""
-
-
-def _servo_joints(devices: Devices, params: bytes) -> bytes:
-    devices.controller.servo_joints_to(np.array(_finite_floats(params, 10)[:JOINTS]))
-    return b""
-
-
-def _servo_line(devices: Devices, params: bytes) -> bytes:
-    values = _finite_floats(params, 9)
-    target, in_tool_frame = Pose.from_wire(values), bool(values[8])
-    devices.controller.servo_to(devices.controller.tool @ target if in_tool_frame else target)
-    return b""
-
-
 def _set_tcp_offset(devices: Devices, params: bytes) -> bytes:
-    devices.controller.set_tcp_offset(Pose.from_wire(_finite_floats(params, 6)))
+    devices.controller.set_tcp_offset(Pose.from_wire(finite_floats(params, 6)))
     return b""
 
 
 def _get_joints(devices: Devices, params: bytes) -> bytes:
-    """Angles; with a count of 2 or 3 also speeds and torques, which are zero here."""
-    kinds = max(1, _flag(params, 0) & 0x0F)
-    return pack_floats([*devices.controller.joints, 0.0, *[0.0] * 7 * (kinds - 1)])
+    """Angles; with a count of 2 or 3 also speeds, and torques, which are zero here."""
+    kinds = max(1, flag(params, 0) & 0x0F)
+    values = [*devices.controller.arm.joints, 0.0, *devices.controller.arm.joint_speeds, 0.0, *[0.0] * 7]
+    return pack_floats(values[: 7 * kinds])
 
 
 def _inverse_kinematics(devices: Devices, params: bytes) -> bytes:
-    goal = Pose.from_wire(_finite_floats(params, 6)) @ devices.controller.tcp_offset.inverse()
-    joints = inverse(goal, devices.controller.joints)
-    if joints is None or outside_limits(joints):
+    goal = Pose.from_wire(finite_floats(params, 6)) @ devices.controller.arm.tcp_offset.inverse()
+    joints = inverse(goal, devices.controller.arm.joints)
+    if joints is None or devices.controller.reduced.joints_outside(joints):
         raise RefusedError(Status.INVALID, pack_floats([0.0] * 7))
     return pack_floats([*joints, 0.0])
 
 
 def _forward_kinematics(devices: Devices, params: bytes) -> bytes:
-    joints = np.array(_finite_floats(params, 7)[:JOINTS])
-    return pack_floats((forward(joints) @ devices.controller.tcp_offset).to_wire())
+    joints = np.array(finite_floats(params, 7)[:JOINTS])
+    return pack_floats((forward(joints) @ devices.controller.arm.tcp_offset).to_wire())
 
 
 def _is_joint_limit(devices: Devices, params: bytes) -> bytes:
-    return bytes([outside_limits(np.array(_finite_floats(params, 7)[:JOINTS]))])
+    return bytes([devices.controller.reduced.joints_outside(np.array(finite_floats(params, 7)[:JOINTS]))])
 
 
 def _is_tcp_limit(devices: Devices, params: bytes) -> bytes:
-    goal = Pose.from_wire(_finite_floats(params, 6)) @ devices.controller.tcp_offset.inverse()
-    return bytes([devices.controller.trouble_at(goal) != 0])
+    return bytes([devices.controller.arm.trouble_at(Pose.from_wire(finite_floats(params, 6))) != 0])
+
+
+def _set_reduced_tool_speed(devices: Devices, params: bytes) -> bytes:
+    reduced, (speed,) = devices.controller.reduced, finite_floats(params, 1)
+    reduced.settings = replace(reduced.settings, tool_speed=speed)
+    return b""
+
+
+def _set_reduced_joint_speed(devices: Devices, params: bytes) -> bytes:
+    reduced, (speed,) = devices.controller.reduced, finite_floats(params, 1)
+    reduced.settings = replace(reduced.settings, joint_speed=speed)
+    return b""
+
+
+def _set_boundary(devices: Devices, params: bytes) -> bytes:
+    """Six little-endian int32, as ever only here; read back they are int16."""
+    boundary = struct.unpack("<6i", params)
+    struct.pack(">6h", *boundary)  # refuses what could not be read back
+    reduced = devices.controller.reduced
+    reduced.settings = replace(reduced.settings, boundary=boundary)
+    return b""
+
+
+def _set_reduced_joint_ranges(devices: Devices, params: bytes) -> bytes:
+    reduced = devices.controller.reduced
+    reduced.settings = replace(reduced.settings, joint_ranges=finite_floats(params, 2 * WIRE_JOINTS))
+    return b""
+
+
+def _set_reduced_mode(devices: Devices, params: bytes) -> bytes:
+    devices.controller.reduced.switch(bool(params[0]))
+    return b""
+
+
+def _set_fence(devices: Devices, params: bytes) -> bytes:
+    devices.controller.reduced.switch_fence(bool(params[0]))
+    return b""
+
+
+def _feedback_check(devices: Devices, params: bytes) -> bytes:
+    """A task behind all others, whose end tells that they have ended."""
+    devices.controller.mark()
+    return b""
+
+
+def _reduced_states(devices: Devices, params: bytes) -> bytes:
+    reduced = devices.controller.reduced
+    return bytes([reduced.is_on]) + reduced.encode() + bytes([reduced.fence_is_on, 0])  # collision rebound
 
 
 def _pose_axis_angle(devices: Devices, params: bytes) -> bytes:
-    tool = devices.controller.tool
+    tool = devices.controller.arm.tool
     return pack_floats([*tool.position, *tool.rotation.as_rotvec()])
 
 
@@ -230,35 +189,36 @@ def _tool_register(devices: Devices, params: bytes) -> bytes:
 
 
 HANDLERS: dict[int, Handler] = {
+    **MOTION_HANDLERS,
     1: lambda devices, params: version_field(devices.serial),
     2: lambda devices, params: serial_field(devices.serial),
     11: _motion_enable,
     12: _set_state,
     13: lambda devices, params: bytes([devices.controller.state]),
-    14: lambda devices, params: struct.pack(">H", devices.controller.queued),
+    14: lambda devices, params: struct.pack(">H", len(devices.controller.queue)),
     15: lambda devices, params: bytes([devices.controller.error, devices.controller.warning]),
     16: _clean_error,
     17: _clean_warning,
     19: _set_mode,
-    21: _line,
-    22: _line,
-    23: _joints,
-    24: _joints,
-    25: _home,
-    28: _line_in_tool_frame,
-    29: _servo_joints,
-    30: _servo_line,
     35: _set_tcp_offset,
-    41: lambda devices, params: pack_floats(devices.controller.tool.to_wire()),
+    41: lambda devices, params: pack_floats(devices.controller.arm.tool.to_wire()),
     42: _get_joints,
     43: _inverse_kinematics,
     44: _forward_kinematics,
     45: _is_joint_limit,
     46: _is_tcp_limit,
-    83: _relative,
+    47: _set_reduced_tool_speed,
+    48: _set_reduced_joint_speed,
+    49: lambda devices, params: bytes([devices.controller.reduced.is_on]),
+    50: _set_reduced_mode,
+    52: _set_boundary,
+    53: _reduced_states,
+    58: _set_reduced_joint_ranges,
+    59: _set_fence,
     91: _pose_axis_angle,
     124: _rs485,
     125: lambda devices, params: bytes(2),
     128: _tool_register,
     130: _tool_register,
+    253: _feedback_check,
 }

@@ -24,7 +24,7 @@ def normal_report(controller: Controller) -> bytes:
 
 def rich_report(controller: Controller, counter: int) -> bytes:
     """The report of port 30002, the one clients use by default."""
-    turn = controller.tool.rotation.as_rotvec()
+    turn, reduced = controller.arm.tool.rotation.as_rotvec(), controller.reduced
     body = _normal_body(controller)
     body += bytes([ARM_TYPE, AXES, 2, 2, 10, 11])
     body += FIRMWARE.encode().ljust(30, b"\0")
@@ -33,17 +33,17 @@ def rich_report(controller: Controller, counter: int) -> bytes:
     body += pack_floats([2.3, 2.7])  # rotation: jerk, acceleration
     body += bytes(14 + 2)  # servo and tool status codes
     body += bytes([30] * 7)  # motor temperatures, Celsius
-    body += pack_floats([controller.tool_speed, *[0.0] * 7])
+    body += pack_floats([controller.arm.tool_speed, *controller.arm.joint_speeds, 0.0])
     body += struct.pack(">I", counter)
     body += pack_floats([0.0] * 6)  # world offset
     body += bytes(5) + pack_floats([0.0] * 6)  # IO reset, simulation, collision model
     body += struct.pack(">7H", *[4800] * 7) + pack_floats([0.0] * 7)  # motor voltages (10 mV), currents
     body += bytes(2 + 16 + 32)  # control box IO
     body += pack_floats([0.0] * 12) + bytes(1)  # force sensor, identification progress
-    body += pack_floats(turn) + bytes(2)  # orientation as axis-angle, configuration bits, reduced mode
-    body += struct.pack(">6h", 9999, -9999, 9999, -9999, 9999, -9999)  # reduced mode: boundary, mm
-    body += pack_floats([1000.0, np.pi, *[-2 * np.pi, 2 * np.pi] * 7])  # reduced mode: speeds, joint ranges
-    body += bytes(2 + 4 + 1)  # fence, rebound, alarm, force sensor switch
+    body += pack_floats(turn)
+    body += bytes([reduced.is_on | reduced.fence_is_on << 1, reduced.is_on]) + reduced.encode()
+    body += bytes([reduced.fence_is_on, 0])  # collision rebound
+    body += bytes(4 + 1)  # alarm, force sensor switch
     body += bytes(2 + 6)  # monitored external device: none
     return _with_size(body)
 
@@ -58,8 +58,8 @@ def _with_size(body: bytes) -> bytes:
 
 
 def _motion(controller: Controller) -> bytes:
-    head = struct.pack(">BH", controller.state | controller.mode << 4, controller.queued)
-    return head + pack_floats([*controller.joints, 0.0, *controller.tool.to_wire(), *[0.0] * 7])
+    head = struct.pack(">BH", controller.state | controller.mode << 4, len(controller.queue))
+    return head + pack_floats([*controller.arm.joints, 0.0, *controller.arm.tool.to_wire(), *[0.0] * 7])
 
 
 def _normal_body(controller: Controller) -> bytes:
@@ -69,7 +69,7 @@ def _normal_body(controller: Controller) -> bytes:
     return (
         _motion(controller)
         + bytes([enabled, enabled, controller.error, controller.warning])
-        + pack_floats(controller.tcp_offset.to_wire())
+        + pack_floats(controller.arm.tcp_offset.to_wire())
         + pack_floats([0.0] * 4)  # payload: mass, centre
         + bytes([COLLISION_SENSITIVITY, TEACH_SENSITIVITY])
         + pack_floats([0.0, 0.0, -1.0])  # gravity

@@ -86,7 +86,7 @@ def test_launch_loads_it(path):
     ],
 )
 def test_parameter_files_list_every_option_with_its_default(file, node, group, options):
-    values = yaml.safe_load((SOURCES / file).read_text())[node]["ros__parameters"]
+    values = yaml.safe_load((SOURCES / file).read_text())["/**"]["ros__parameters"]
     values = values[group] if group else values
     names = {field.name for field in dataclasses.fields(options)}
     given = {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}
@@ -98,16 +98,16 @@ def test_parameter_files_list_every_option_with_its_default(file, node, group, o
 
 def test_the_recorder_logs_what_replay_needs():
     topics = yaml.safe_load((SOURCES / "egophys_twin/config/recorder.yaml").read_text())
-    topics = set(topics["recorder_node"]["ros__parameters"]["topics"])
+    topics = set(topics["/**"]["ros__parameters"]["topics"])
     assert topics >= {
-        *(f"/twin_node/{name}" for name in ("model", "training/build", "predicted/plan", "predicted/points")),
-        *(f"/twin_node/training/{name}_points" for name in ("object", "controller")),
-        *(f"/mppi_planner_node/{name}" for name in ("problem", "target", "plan")),
+        *(f"twin_node/{name}" for name in ("model", "training/build", "predicted/plan", "predicted/points")),
+        *(f"twin_node/training/{name}_points" for name in ("object", "controller")),
+        *(f"mppi_planner_node/{name}" for name in ("problem", "target", "plan")),
     }
 
 
 def test_the_recorder_logs_what_a_diagnosis_needs():
     topics = yaml.safe_load((SOURCES / "egophys_twin/config/recorder.yaml").read_text())
-    twin = yaml.safe_load((SOURCES / "egophys_twin/config/twin.yaml").read_text())["twin_node"]["ros__parameters"]
-    logged = set(topics["recorder_node"]["ros__parameters"]["topics"])
+    twin = yaml.safe_load((SOURCES / "egophys_twin/config/twin.yaml").read_text())["/**"]["ros__parameters"]
+    logged = set(topics["/**"]["ros__parameters"]["topics"])
     assert logged >= {twin[name] for name in ("object_topic", "controller_topic", "executed_topic")}

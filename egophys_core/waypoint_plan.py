@@ -75,15 +75,3 @@ def plan_of_message(message: Any) -> WaypointPlan:
         twin_id=message.twin_id,
         predicted_cost=message.predicted_cost,
     )
-
-
-def plan_to_json(plan: WaypointPlan) -> dict[str, Any]:
-    """The plan as JSON types, units in the names."""
-    return {
-        "times_s": plan.times.tolist(),
-        "positions_m": plan.positions.tolist(),
-        "quaternions_xyzw": plan.quaternions.tolist(),
-        "gripper_opening_m": plan.gripper_opening.tolist(),
-        "twin_id": plan.twin_id,
-        "predicted_cost_m": plan.predicted_cost,
-    }

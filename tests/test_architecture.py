@@ -26,6 +26,7 @@ BASE = {
     "on_demand",
     "options",
     "episode",
+    "plan_file",
     "waypoint_plan",
 }
 """Plain modules that any room may use."""
@@ -55,7 +56,7 @@ MAY_USE: dict[str, set[str]] = {
         "identification",
         "reporting",
     },
-    "planning": {"twin", "simulation", "evaluation"},
+    "planning": {"recording", "twin", "simulation", "evaluation", "observation"},
     "episode_source": {"recording", "perception"},
     "replay": {"recording", "twin", "identification", "planning"},
     "cli": {

@@ -1,18 +1,13 @@
-"""`egophys plan TWIN --target EPISODE --out PLAN`."""
+"""`egophys plan TWIN [--target SHAPE] [--translate X Y Z] [--rotate R P Y] --out PLAN`."""
 
 import argparse
-import json
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from egophys_core.cli.display import progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.errors import PlanningError
-from egophys_core.files import require_writable, write_atomically
+from egophys_core.files import require_writable
 from egophys_core.planning.options import PlanOptions
-
-if TYPE_CHECKING:
-    import numpy as np
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,26 +15,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("twin", type=Path, metavar="TWIN")
     parser.add_argument(
         "--target",
-        required=True,
-        type=Path,
+        default="present",
         metavar="SHAPE",
-        help="an episode (its points at --target-frame) or an .npy file of [P, 3] metres, world",
+        help="`present` (the default, to be edited), a point cloud (.npy .ply .pcd .xyz .csv, metres, world), a frame "
+        "of a bag (towel.mcap@2.3s, towel.mcap@70; by default the last), or another twin; ' translate=X,Y,Z' and "
+        "' rotate=R,P,Y' may follow it",
     )
-    parser.add_argument("--target-frame", type=int, default=-1, help="frame of the episode (default: the last)")
+    parser.add_argument("--translate", type=float, nargs=3, metavar=("X", "Y", "Z"), help="shift the target, m")
+    parser.add_argument(
+        "--rotate", type=float, nargs=3, metavar=("R", "P", "Y"), help="turn the target about its centre, degrees"
+    )
     parser.add_argument("--out", required=True, type=Path, metavar="PLAN", help="JSON file to write")
     parser.add_argument("--seed", type=int, default=0, help="seed of the samples (default 0)")
     add_option_arguments(parser, PlanOptions)
 
 
 def run(parsed: argparse.Namespace) -> int:
-    """Plan and write."""
-    from egophys_core.planning import grasp_from_points, plan_to_target, twin_costs
+    """Plan and write; 1 if the plan does not reach its target."""
+    from egophys_core.plan_file import PlanFile, write_plan
+    from egophys_core.planning import grasp_from_points, parse_target, plan_to_target, target_points, twin_costs
     from egophys_core.twin import load_twin
-    from egophys_core.waypoint_plan import plan_to_json
 
     require_writable(parsed.out)
+    given = {name: getattr(parsed, name) for name in ("translate", "rotate")}
+    edits = [f"{name}={','.join(map(str, values))}" for name, values in given.items() if values]
+    wanted = parse_target(" ".join([parsed.target, *edits]))
     options, twin = options_from(parsed, PlanOptions), load_twin(parsed.twin)
-    target = _target(parsed.target, parsed.target_frame)
+    target = target_points(wanted, twin.model.graph.positions[twin.model.graph.surface])
     with progress_bar() as report:
         plan, initial_cost = plan_to_target(
             lambda plans: twin_costs(twin, plans, target),
@@ -49,29 +51,11 @@ def run(parsed: argparse.Namespace) -> int:
             twin_id=twin.twin_id,
             progress=lambda done, total, cost: report("plan", done / total, f"cost {1000 * cost:.1f} mm"),
         )
-    try:
-        write_atomically(parsed.out, json.dumps(plan_to_json(plan), indent=1).encode())
-    except OSError as error:
-        raise PlanningError(f"cannot write plan {parsed.out}: {error.strerror}") from error
+    content = PlanFile(plan=plan, stamp_ns=time.time_ns(), tolerance=options.tolerance_m)
+    write_plan(parsed.out, content)
     print(
-        f"distance to the target: {1000 * initial_cost:.1f} mm before, {1000 * plan.predicted_cost:.1f} mm predicted; "
+        f"distance to the target: {1000 * initial_cost:.1f} mm before, {1000 * plan.predicted_cost:.1f} mm predicted, "
+        f"{1000 * options.tolerance_m:.1f} mm tolerated: {'reached' if content.reached else 'not reached'}; "
         f"{len(plan.times)} waypoints over {plan.times[-1]:.1f} s written to {parsed.out}"
     )
-    return 0
-
-
-def _target(path: Path, frame: int) -> "np.ndarray":
-    import numpy as np
-
-    from egophys_core.recording import read_episode
-
-    if path.suffix == ".npy":
-        try:
-            return np.load(path, allow_pickle=False)
-        except (OSError, ValueError) as error:
-            raise PlanningError(f"cannot read target {path}: {error}") from error
-    episode = read_episode(path)
-    if not -episode.frames <= frame < episode.frames:
-        raise PlanningError(f"{path} has frames 0 .. {episode.frames - 1}, not {frame}")
-    points = episode.points[frame]
-    return points[np.isfinite(points).all(axis=1)]
+    return 0 if content.reached else 1

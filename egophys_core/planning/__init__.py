@@ -9,18 +9,22 @@ if TYPE_CHECKING:
     from egophys_core.planning.forward import final_shapes, rollout_plans, shape_costs, twin_costs
     from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
     from egophys_core.planning.mppi import ForwardModel, plan_to_target
+    from egophys_core.planning.target import TargetText, parse_target, target_points
 
 __all__ = [
     "ForwardModel",
     "Grasp",
     "PlanOptions",
+    "TargetText",
     "controls_of_plan",
     "final_shapes",
     "grasp_from_points",
+    "parse_target",
     "plan_to_target",
     "rollout_plans",
     "shape_costs",
+    "target_points",
     "twin_costs",
 ]
 
-__getattr__ = names_on_demand(__name__, "forward", "grasp", "mppi")
+__getattr__ = names_on_demand(__name__, "forward", "grasp", "mppi", "target")

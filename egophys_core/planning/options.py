@@ -21,6 +21,9 @@ class PlanOptions:
     noise_m: float = number(0.03, low=1e-4, high=1.0, doc="standard deviation of a waypoint's step, m")
     noise_decay: float = number(0.9, low=0.1, high=1.0, doc="factor on the noise after each iteration")
     temperature: float = number(0.1, low=1e-3, high=100.0, doc="lambda over the spread of the costs")
+    tolerance_m: float = number(
+        0.03, low=1e-4, high=1.0, doc="distance to the target up to which it counts as reached, m"
+    )
     max_speed_m_s: float = number(0.2, low=0.01, high=2.0, doc="fastest tool motion, m/s")
     low_m: tuple[float, float, float] = number(
         (-0.25, -0.4, 0.0), low=-5.0, high=5.0, doc="lower corner of the box the tool stays in, m, world"

@@ -116,14 +116,11 @@ def test_targets_that_are_none(egophys, twin_file, episode_bag, tmp_path):
         return egophys("plan", twin_file, "--target", target, "--out", tmp_path / "plan.json", *FAST_PLAN, *more)
 
     refused(plan(tmp_path / "no.npy"), "cannot read target", "no.npy")
-    (tmp_path / "text.npy").write_text("hello")
-    refused(plan(tmp_path / "text.npy"), "cannot read target", "text.npy")
-    np.save(tmp_path / "flat.npy", np.zeros((4, 2)))
-    refused(plan(tmp_path / "flat.npy"), "must be [P, 3] finite points", "(4, 2)")
-    np.save(tmp_path / "pickled.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    refused(plan(tmp_path / "pickled.npy"), "cannot read target")
     frames = sheet_episode().frames
-    refused(plan(episode_bag, "--target-frame", "999"), f"frames 0 .. {frames - 1}, not 999")
+    refused(plan(f"{episode_bag}@999"), f"frames 0 .. {frames - 1}, not 999")
+    refused(plan("present"), "the present shape is no target as it is")
+    refused(plan("present translate=0,0,0.1", "--translate", "0", "0", "0.1"), "translate= stands there twice")
+    refused(plan("present", "--translate", "0", "0", "100"), "100 m from the object", "must be in metres")
     assert not (tmp_path / "plan.json").exists()
 
 

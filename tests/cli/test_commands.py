@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from egophys_core.cli import import_vrs as import_vrs_command
 from egophys_core.cli import replay as replay_command
 from egophys_core.cli.main import SUBCOMMANDS
 from egophys_core.identification import FitOptions, build, coarse
+from egophys_core.plan_file import read_plan
 from egophys_core.recording import read_episode
 from egophys_core.recording.vrs import import_vrs
 from egophys_core.replay import replay_log
@@ -222,28 +224,35 @@ def test_simulated_bag_scores_as_the_twin_does(egophys, egophys_json, twin_file,
     assert errors[observed.train_frames :].mean() == pytest.approx(scores["test_track_m"], rel=0.01)
 
 
-def test_plan_to_a_later_frame_of_an_episode(egophys, twin_file, episode_bag, tmp_path):
+def test_plan_to_a_shape_and_to_another(egophys, twin_file, episode_bag, tmp_path):
     out = tmp_path / "plan.json"
-    arguments = ["plan", twin_file, "--target", episode_bag, "--out", out, "--seed", "4", *FAST_PLAN]
-    code, text, err = egophys(*arguments)
+    arguments = ["plan", twin_file, "--out", out, "--seed", "4", *FAST_PLAN, "--tolerance-m", "0.05"]
+    code, text, err = egophys(*arguments, "--target", episode_bag)
     assert (code, err) == (0, "")
     assert "before" in text
-    plan = json.loads(out.read_text())
-    assert plan["twin_id"] == load_twin(twin_file).twin_id
-    assert len(plan["times_s"]) == len(plan["positions_m"]) == len(plan["quaternions_xyzw"])
-    first = out.read_bytes()
-    egophys(*arguments)
-    assert out.read_bytes() == first
-    egophys(*arguments, "--target-frame", "20")
-    assert out.read_bytes() != first
+    made = read_plan(out)
+    assert made.plan.twin_id == load_twin(twin_file).twin_id
+    assert 0 < time.time_ns() - made.stamp_ns < 600e9
 
+    def planned_to(*target):
+        egophys(*arguments, *target)
+        return read_plan(out).plan.positions.tolist()
 
-def test_target_from_an_array_file(egophys, twin_file, episode_bag, tmp_path):
+    again = planned_to("--target", episode_bag)
+    assert again == made.plan.positions.tolist()
+    assert planned_to("--target", f"{episode_bag}@20") != again
     np.save(tmp_path / "target.npy", read_episode(episode_bag).points[-1])
-    for target in (episode_bag, tmp_path / "target.npy"):
-        out = tmp_path / f"{target.name}.json"
-        assert egophys("plan", twin_file, "--target", target, "--out", out, *FAST_PLAN)[0] == 0
-    assert (tmp_path / "towel.json").read_bytes() == (tmp_path / "target.npy.json").read_bytes()
+    assert planned_to("--target", tmp_path / "target.npy") == again
+    edited = planned_to("--translate", "0.05", "0", "-0.01", "--rotate", "0", "0", "20")
+    assert edited == planned_to("--target", "present rotate=0,0,20 translate=0.05,0,-0.01") != again
+
+
+def test_a_plan_that_ends_farther_than_tolerated_is_a_finding(egophys, twin_file, tmp_path):
+    arguments = ["plan", twin_file, "--out", tmp_path / "plan.json", *FAST_PLAN, "--translate", "0", "0", "1.5"]
+    code, text, err = egophys(*arguments)
+    assert (code, err) == (1, "")
+    assert "30.0 mm tolerated: not reached" in text
+    assert not read_plan(tmp_path / "plan.json").reached
 
 
 def test_fresh_process_prints_json_alone_also_while_kernels_compile(twin_file, episode_bag, tmp_path):

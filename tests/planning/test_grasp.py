@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import PlanningError
 from egophys_core.planning import Grasp, controls_of_plan, grasp_from_points
-from egophys_core.waypoint_plan import WaypointPlan, plan_to_json
+from egophys_core.waypoint_plan import WaypointPlan
 
 DOWN = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -118,11 +118,3 @@ def test_grasp_reproduces_the_points_of_the_hand():
     assert controls_of_plan(still, grasp).positions[0] == pytest.approx(points, abs=1e-6)
     with pytest.raises(PlanningError, match="the twin has no grasp"):
         grasp_from_points(np.zeros((0, 3), np.float32))
-
-
-def test_plan_in_json_names_its_units():
-    content = plan_to_json(lift())
-    assert content["times_s"] == [0.0, 0.5, 1.0, 2.0]
-    assert content["positions_m"][3] == [0.1, 0.0, 0.3]
-    assert content["quaternions_xyzw"][0] == [1.0, 0.0, 0.0, 0.0]
-    assert content["gripper_opening_m"] == [0.08, 0.0, 0.0, 0.0]

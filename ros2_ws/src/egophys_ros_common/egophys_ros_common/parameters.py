@@ -184,7 +184,7 @@ def _check_names(parameter: str, value: str | Sequence[str]) -> None:
         try:
             validate_topic_name(name)
         except InvalidTopicNameException as error:
-            reason = str(error).splitlines()[0]
+            reason = str(error).splitlines()[0].rstrip(":")
             raise OptionsError(f"parameter {parameter} must be a name, got {name!r}: {reason}") from error
 
 

@@ -1,9 +1,12 @@
 """Executed plans in a log become episodes: the object as it was seen, the hands as the tool moved."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from egophys_ros_common.conversions import points_message, time_message, world_header
 from egophys_twin.executions import EXECUTED_TOPIC, execution_episodes, has_executions
+from egophys_twin.recorded_topics import source_in, topic_in
 from egophys_twin.recordings import observed_episodes
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path
@@ -11,7 +14,8 @@ from rclpy.serialization import serialize_message
 
 from egophys_core.episode_source import EpisodeSource
 from egophys_core.errors import EpisodeError, RecordingError
-from egophys_core.recording import LATCHED_QOS, OBJECT_TOPIC, SENSOR_QOS, LogWriter, standard_definition
+from egophys_core.recording import LATCHED_QOS, OBJECT_TOPIC, SENSOR_QOS, LogWriter, standard_definition, write_episode
+from tests.ros.cloth import cloth_episode
 
 BEGIN_NS = 1_700_000_000_000_000_000
 GRASP = np.array([[0.1, 0.0, 0.02], [0.11, 0.01, 0.03], [0.12, -0.01, 0.01]])
@@ -112,6 +116,25 @@ def test_logs_and_bags_are_read_alike_with_names_that_tell_them_apart(tmp_path, 
     assert [each.name for each in episodes] == ["log_execution_1_1", "log_execution_1_2", "cloth"]
     assert not has_executions(bag)
     assert shares == sorted(shares)
+
+
+def test_a_name_in_a_namespace_is_the_recorded_one_or_the_same_at_the_root(tmp_path, bag):
+    log = write_log(tmp_path / "log", [executed(0.5, line(MIDDLE, MIDDLE + 0.1, 51))], seconds=2.0)
+    in_lab = EpisodeSource(object_topic="/lab/object/points", controller_topic="/lab/controller/points")
+    episodes = observed_episodes(
+        [log, bag],
+        in_lab,
+        executed_topic=f"/lab{EXECUTED_TOPIC}",
+        namespace="/lab",
+        grasp=GRASP,
+        ground_height=0.0,
+        progress=lambda stage, share: None,
+    )
+    assert [each.name for each in episodes] == ["log_execution_1", "cloth"]
+    lab_bag = tmp_path / "lab"
+    write_episode(cloth_episode(), lab_bag, object_topic=in_lab.object_topic)
+    assert source_in(lab_bag, in_lab, "/lab") == replace(in_lab, controller_topic="/controller/points")
+    assert topic_in(bag, "/lab/object/points", "/elsewhere") == "/lab/object/points"
 
 
 def test_what_is_no_log_is_refused(tmp_path):

@@ -181,7 +181,9 @@ def test_raw_images_are_seen_too(observe, client, video):
 
 def test_it_says_what_is_missing(observe, client):
     observe(image_transport="raw")
-    assert IMAGES in wait_for_status(client, lambda each, _: "no image" in each.message).message
+    status = wait_for_status(client, lambda each, _: "no image" in each.message)
+    assert IMAGES in status.message
+    assert status.level == DiagnosticStatus.ERROR
     publisher = client.node.create_publisher(CompressedImage, IMAGES, qos_profile_sensor_data)
     wait_for_status(client, lambda each, _: "sensor_msgs/msg/CompressedImage; set image_transport" in each.message)
     client.node.destroy_publisher(publisher)
@@ -193,7 +195,7 @@ def test_another_board_is_not_found_and_a_camera_without_calibration_is_refused(
     uncalibrated = CameraInfo(height=info.height, width=info.width, distortion_model="plumb_bob")
     with PublishedCamera(client, images, uncalibrated):
         status = wait_for_status(client, lambda each, _: "calibrate the camera" in each.message)
-        assert status.level == DiagnosticStatus.WARN
+        assert status.level == DiagnosticStatus.ERROR
         # A good one that comes later is taken.
         publisher = client.node.create_publisher(CameraInfo, INFO, 10)
         wait_until(publisher.get_subscription_count, 20, "the observer's subscription")
@@ -206,8 +208,11 @@ def test_another_board_is_not_found_and_a_camera_without_calibration_is_refused(
 
 
 def test_lifecycle(start_node, client, video):
-    node = start_node("egophys_twin", "observer_node", "--ros-args", "-p", "perception.nearest_m:=0.3")
+    parameters = ("-p", "perception.nearest_m:=0.3", "-p", "image_transport:=theora")
+    node = start_node("egophys_twin", "observer_node", "--ros-args", *parameters)
     client.wait_for_state(NODE, "unconfigured")
+    assert not client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
+    assert client.set_parameter(NODE, "image_transport", "compressed").successful
     for _ in range(2):
         client.start(NODE)
         with PublishedCamera(client, *video):
@@ -220,15 +225,16 @@ def test_lifecycle(start_node, client, video):
 
 
 @pytest.mark.parametrize(
-    ("parameter", "reason"),
+    ("parameter", "code", "reason"),
     [
-        ("image_transport:=theora", "image_transport must be one of"),
-        ("board.rows:=1", "at least 2 columns"),
-        ("perception.stages:=learned", "stages learned needs weights"),
-        ("perception.weights:=models -p perception.stages:=learned", "go through a video several times"),
+        ("image_transport:=theora", 1, "image_transport must be one of"),
+        ("board.rows:=1", 2, "at least 2 columns"),
+        ("perception.stages:=learned", 2, "stages learned needs weights"),
+        ("perception.weights:=models -p perception.stages:=learned", 1, "go through a video several times"),
     ],
 )
-def test_what_cannot_work_is_refused(start_node, parameter, reason):
+def test_what_cannot_work_is_refused(start_node, parameter, code, reason):
     node = start_node("egophys_twin", "observer_node", "--ros-args", "-p", "autostart:=true", "-p", *parameter.split())
-    assert node.wait_for_end() == 1
+    assert node.wait_for_end() == code
     assert reason in node.output
+    assert "Traceback" not in node.output

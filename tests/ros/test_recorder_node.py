@@ -1,7 +1,9 @@
 """recorder_node as an installed process: latched and streamed topics, replay from the log, kill, refusals."""
 
 import json
+import resource
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +29,7 @@ from tests.ros.cloth import FRAMES, NAME, OPTIONS_JSON, SEED, lifting_plan
 pytestmark = pytest.mark.ros
 
 NODE = "/recorder_node"
+CONFIGURATION = Path(__file__).resolve().parents[2] / "ros2_ws/src/egophys_twin/config"
 TRAINING = "/twin_node/training"
 OBJECT_POINTS, CONTROLLER_POINTS = f"{TRAINING}/object_points", f"{TRAINING}/controller_points"
 TWIN_TOPICS = [
@@ -70,21 +73,21 @@ def talk(client):
         client.node.destroy_publisher(publisher)
 
 
-def wait_for_counts(client, counts):
+def wait_for_counts(client, counts, recorder=NODE):
     """Wait until the recorder says that it wrote this many messages of these topics, or more."""
 
     def reached(status):
         written = {each.key: each.value for each in status.values}
         return all(written.get(topic, "").isdigit() and int(written[topic]) >= n for topic, n in counts.items())
 
-    return client.message(DiagnosticStatus, f"{NODE}/status", reached, latched())
+    return client.message(DiagnosticStatus, f"{recorder}/status", reached, latched())
 
 
-def build(client, bag, output, options=OPTIONS_JSON):
+def build(client, bag, output, options=OPTIONS_JSON, node="/twin_node"):
     """Have the twin node build the small cloth's twin."""
     request = RebuildTwin.Request(episode_paths=[str(bag)], output_path=str(output), options_json=options, seed=SEED)
-    assert client.call(RebuildTwin, "/twin_node/rebuild", request).accepted
-    client.message(BuildJob, "/twin_node/job", lambda job: job.state == BuildJob.SUCCEEDED, latched())
+    assert client.call(RebuildTwin, f"{node}/rebuild", request).accepted
+    client.message(BuildJob, f"{node}/job", lambda job: job.state == BuildJob.SUCCEEDED, latched())
 
 
 def messages(folder, topic, kind):
@@ -143,19 +146,42 @@ def test_a_log_of_a_build_and_a_prediction_replays(start_twin_node, record, clie
     assert outcomes["prediction"][0] == ReplayOutcome.SAME, outcomes["prediction"]
 
 
-def test_a_recorder_started_after_the_build_has_all_of_it(start_twin_node, record, client, bag, twin, tmp_path):
+def test_a_graph_in_a_namespace_logs_all_of_its_build_and_nothing_of_another_graph(
+    start_node, start_twin_node, talk, client, bag, twin, tmp_path
+):
     folder = tmp_path / "log"
+
+    def start_in_lab(executable, config, *parameters):
+        words = ("-r", "__ns:=/lab", "--params-file", str(CONFIGURATION / config), "-p", "autostart:=true", *parameters)
+        node = start_node("egophys_twin", executable, "--ros-args", *words)
+        client.wait_for_state(f"/lab/{executable}", "active")
+        return node
+
     start_twin_node()
-    build(client, bag, tmp_path / "a.twin")
-    recorder = record(folder, TWIN_TOPICS)
-    wait_for_counts(client, dict.fromkeys(TWIN_TOPICS[:-2], 1) | TRAINING_COUNTS)
+    start_in_lab("twin_node", "twin.yaml")
+    # The recording was made without a namespace.
+    build(client, bag, tmp_path / "a.twin", node="/lab/twin_node")
+    elsewhere = client.call(RolloutTwin, "/twin_node/rollout", RolloutTwin.Request())
+    assert "no twin is in use" in elsewhere.message
+    observers = {name: talk(PointCloud2, name, latched()) for name in ("/object/points", "/lab/object/points")}
+    for each in observers.values():
+        each.publish(points_message(np.zeros((1, 3), np.float32), ids=np.array([0])))
+    recorder = start_in_lab("recorder_node", "recorder.yaml", "-p", f"output_folder:={folder}")
+    counts = dict.fromkeys([*TWIN_TOPICS[:-2], "/object/points"], 1) | TRAINING_COUNTS
+    wait_for_counts(client, {f"/lab{topic}": n for topic, n in counts.items()} | {"/rosout": 1}, "/lab/recorder_node")
     assert recorder.interrupt() == 0
-    (info,) = messages(folder, "/twin_node/info", TwinInfo)
+
+    recorded = {each.name for each in list_topics(folder) if each.messages}
+    assert {name for name in recorded if not name.startswith("/lab/")} <= {"/rosout", "/diagnostics"}
+    (info,) = messages(folder, "/lab/twin_node/info", TwinInfo)
     assert info.twin_id == twin.twin_id
-    (model,) = messages(folder, "/twin_node/model", UInt8MultiArray)
+    (model,) = messages(folder, "/lab/twin_node/model", UInt8MultiArray)
     assert decode_twin(bytes(model.data), name="model").twin_id == twin.twin_id
     training = decode_episode(
-        read_records(folder), name=NAME, object_topic=OBJECT_POINTS, controller_topic=CONTROLLER_POINTS
+        read_records(folder),
+        name=NAME,
+        object_topic=f"/lab{OBJECT_POINTS}",
+        controller_topic=f"/lab{CONTROLLER_POINTS}",
     )
     assert episode_digest(training) == twin.provenance.episodes[0]["sha256"]
 
@@ -175,13 +201,49 @@ def test_the_log_of_a_killed_recorder_opens(record, talk, client, tmp_path):
         assert [each.data for each in messages(folder, "/words", String)] == [str(n) for n in range(50)]
 
 
+def test_a_disk_that_refuses_is_an_error_told_once(start_node, talk, client, tmp_path):
+    folder = tmp_path / "log"
+    parameters = ("-p", "topics:=['/words']", "-p", "flush_interval_s:=0.1")
+    recorder = start_node("egophys_twin", "recorder_node", "--ros-args", *parameters)
+    client.wait_for_state(NODE, "unconfigured")
+    assert not client.change_state(NODE, Transition.TRANSITION_CONFIGURE), "nowhere to record to"
+    assert client.set_parameter(NODE, "output_folder", str(folder)).successful
+    client.start(NODE)
+    publisher = talk(String, "/words", latched())
+    publisher.publish(String(data="fits"))
+    assert wait_for_counts(client, {"/words": 1}).level == DiagnosticStatus.OK
+    wait_until(lambda: "message_count: 1" in (folder / "metadata.yaml").read_text(), 20, "the flush")
+    _, hard = resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE)
+    resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (20_000, hard))
+    for _ in range(3):
+        publisher.publish(String(data=np.random.default_rng(0).bytes(100_000).hex()))
+
+    def refused(status):
+        return status.level == DiagnosticStatus.ERROR
+
+    told = client.message(DiagnosticStatus, f"{NODE}/status", refused, latched())
+    assert "recording stopped" in told.message
+    assert "File too large; free space or rights?" in told.message
+    assert recorder.output.count("recording stopped") == 1
+    # A file that grows again is recorded from the beginning, elsewhere.
+    assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
+    resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (hard, hard))
+    assert client.set_parameter(NODE, "output_folder", str(tmp_path / "again")).successful
+    assert client.change_state(NODE, Transition.TRANSITION_ACTIVATE)
+    client.message(DiagnosticStatus, f"{NODE}/status", lambda each: each.level == DiagnosticStatus.OK, latched())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", CutRecordingWarning)
+        assert messages(folder, "/words", String)[0].data == "fits"
+
+
 @pytest.mark.parametrize(
     ("topics", "folder", "reason"),
-    [([""], "log", "nothing to record"), (["/a"], "", "nowhere to record to"), (["/a"], ".", "exists already")],
+    [([""], "log", "nothing to record"), (["no name"], "log", "must be a name"), (["/a"], ".", "exists already")],
 )
 def test_what_cannot_be_recorded_is_refused(start_node, tmp_path, topics, folder, reason):
     where = tmp_path / folder if folder else "''"
     parameters = ("-p", "autostart:=true", "-p", f"topics:={json.dumps(topics)}", "-p", f"output_folder:={where}")
     node = start_node("egophys_twin", "recorder_node", "--ros-args", *parameters)
-    assert node.wait_for_end() == 1
+    assert node.wait_for_end() == (2 if "must be" in reason else 1)
     assert reason in node.output
+    assert "Traceback" not in node.output

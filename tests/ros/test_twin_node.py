@@ -45,12 +45,6 @@ def rebuild(client, bag, output, options=OPTIONS_JSON):
     return client.call(RebuildTwin, f"{NODE}/rebuild", request)
 
 
-def set_parameter(client, name, value):
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    (result,) = client.call(SetParameters, f"{NODE}/set_parameters", request).results
-    return result
-
-
 def wait_for_job(client, state, stage=""):
     def reached(job):
         return job.state == state and job.stage.startswith(stage)
@@ -274,7 +268,8 @@ def test_lifecycle(start_node, client, bag, twin_file, tmp_path):
     assert not client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
     assert client.state_of(NODE) == "unconfigured"
     assert "absent.twin" in node.output
-    assert set_parameter(client, "twin_path", str(twin_file)).successful
+    assert "Traceback" not in node.output
+    assert client.set_parameter(NODE, "twin_path", str(twin_file)).successful
     for _ in range(2):
         assert client.change_state(NODE, Transition.TRANSITION_CONFIGURE)
         assert "not active" in rebuild(client, bag, tmp_path / "a.twin").message
@@ -290,15 +285,15 @@ def test_lifecycle(start_node, client, bag, twin_file, tmp_path):
 
 def test_a_parameter_acts_at_once_or_is_refused_while_active(start_twin_node, client, twin, twin_file, tmp_path):
     start_twin_node()
-    refused = set_parameter(client, "twin_path", str(twin_file))
+    refused = client.set_parameter(NODE, "twin_path", str(twin_file))
     assert not refused.successful
     assert "deactivate first" in refused.reason
-    assert set_parameter(client, "generations", 7).successful, "it is read for each build"
+    assert client.set_parameter(NODE, "generations", 7).successful, "it is read for each build"
     assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
-    assert set_parameter(client, "twin_path", str(tmp_path / "absent.twin")).successful
+    assert client.set_parameter(NODE, "twin_path", str(tmp_path / "absent.twin")).successful
     assert not client.change_state(NODE, Transition.TRANSITION_ACTIVATE)
     assert client.state_of(NODE) == "inactive"
-    assert set_parameter(client, "twin_path", str(twin_file)).successful
+    assert client.set_parameter(NODE, "twin_path", str(twin_file)).successful
     assert client.change_state(NODE, Transition.TRANSITION_ACTIVATE)
     assert client.message(TwinInfo, f"{NODE}/info", qos=latched()).twin_id == twin.twin_id
 
@@ -321,6 +316,7 @@ def test_ctrl_c_ends_a_build_in_good_order(start_twin_node, client, bag, tmp_pat
         ("twin_path:=/nowhere/no.twin", 1, "cannot configure: cannot read twin"),
         ("generations:=0", 2, "parameter generations must be 1 to 10000"),
         ("kind:=rope", 2, "kind must be one of"),
+        ("object_topic:='no name'", 2, "parameter object_topic must be a name, got 'no name'"),
     ],
 )
 def test_a_node_that_cannot_start_by_itself_ends(start_node, parameter, code, reason):

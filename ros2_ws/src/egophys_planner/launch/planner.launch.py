@@ -3,30 +3,22 @@
 ros2 launch egophys_planner planner.launch.py
 """
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
+from egophys_ros_common.launch_checks import require_file
+from egophys_ros_common.launch_parts import argument, check, common_arguments, lifecycle_node, share
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
 
 
 def generate_launch_description() -> LaunchDescription:
-    config = Path(get_package_share_directory("egophys_planner")) / "config"
+    """Nodes and arguments."""
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
+            argument(
                 "planner_params_file",
-                default_value=str(config / "planner.yaml"),
-                description="parameters of mppi_planner_node: names, timeouts and options of the planner",
+                str(share("egophys_planner", "config", "planner.yaml")),
+                "parameters of mppi_planner_node: names, timeouts and options of the planner",
             ),
-            Node(
-                package="egophys_planner",
-                executable="mppi_planner_node",
-                name="mppi_planner_node",
-                parameters=[LaunchConfiguration("planner_params_file"), {"autostart": True}],
-                output="screen",
-            ),
+            *common_arguments(),
+            check(lambda values: require_file("planner_params_file", values["planner_params_file"])),
+            lifecycle_node("egophys_planner", "mppi_planner_node", params_file="planner_params_file"),
         ]
     )

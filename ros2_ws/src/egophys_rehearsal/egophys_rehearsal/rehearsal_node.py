@@ -5,9 +5,16 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from egophys_ros_common import names
 from egophys_ros_common.conversions import points_message, time_message
 from egophys_ros_common.managed_node import ManagedNode
-from egophys_ros_common.parameters import declare_number, declare_options, declare_texts, read_options
+from egophys_ros_common.parameters import (
+    declare_names,
+    declare_number,
+    declare_options,
+    declare_texts,
+    read_options,
+)
 from egophys_ros_common.qos import latched
 from egophys_ros_common.running import run_node
 from egophys_ros_common.worker import CanceledError, Worker
@@ -20,7 +27,6 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 
 from egophys_core.errors import OptionsError
-from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC
 from egophys_core.rehearsal import Motion, RehearsalOptions
 from egophys_core.rehearsal.engine import load_mujoco
 from egophys_core.rehearsal.hands import hand_cloud
@@ -37,10 +43,12 @@ TEXT_PARAMETERS = {
     "effects": ("none", "names of the effects to inject, separated by spaces; none for none"),
     "effect_size": ("large", "size of the effects: small or large"),
     "effect_parameters": ("", 'parameters in place of the size\'s, JSON: {"control_delay": {"delay": 0.1}}; SI units'),
-    "tool_pose_topic": ("/bridge_node/tool_pose", "topic of the measured tool pose (geometry_msgs/PoseStamped)"),
-    "gripper_topic": ("/bridge_node/gripper_command", "topic of the commanded opening (std_msgs/Float64, m)"),
-    "object_topic": (OBJECT_TOPIC, "topic to publish the object's points on"),
-    "controller_topic": (CONTROLLER_TOPIC, "topic to publish the points of the tool or the hands on"),
+}
+TOPIC_PARAMETERS = {
+    "tool_pose_topic": (names.TOOL_POSE, "topic of the measured tool pose (geometry_msgs/PoseStamped)"),
+    "gripper_topic": (names.GRIPPER_COMMAND, "topic of the commanded opening (std_msgs/Float64, m)"),
+    "object_topic": (names.OBJECT_POINTS, "topic to publish the object's points on"),
+    "controller_topic": (names.CONTROLLER_POINTS, "topic to publish the points of the tool or the hands on"),
 }
 SEED_PARAMETERS = {
     "seed": "seed of noise, dropouts and scripted motions",
@@ -55,6 +63,7 @@ class RehearsalNode(ManagedNode):
         """Declare the parameters: those of the node and every option of the rehearsal."""
         super().__init__("rehearsal_node")
         declare_texts(self, TEXT_PARAMETERS)
+        declare_names(self, TOPIC_PARAMETERS)
         for name, description in SEED_PARAMETERS.items():
             declare_number(self, name, 0, low=0, high=2**31 - 1, doc=description)
         doc = "opening below which the gripper holds what is near it, m"
@@ -65,6 +74,7 @@ class RehearsalNode(ManagedNode):
         self._make: Callable[[], Stage]
         self._stage: Stage | None = None
         self._is_busy = False
+        self._problem = ""
 
     def configure(self) -> None:
         """Check the parameters and create topics and the service."""
@@ -93,6 +103,7 @@ class RehearsalNode(ManagedNode):
 
     def activate(self) -> None:
         """Lay the object on the table."""
+        self._problem = ""
         self.executor.create_task(self._begin)
 
     def deactivate(self) -> None:
@@ -105,6 +116,10 @@ class RehearsalNode(ManagedNode):
         if not self.is_active:
             return super().status()
         return self._stage.status(self._now_ns()) if self._stage else "the object is being laid on the table"
+
+    def fault(self) -> str:
+        """Why nothing is shown, until someone calls `~/reset`."""
+        return self._problem if self.is_active else ""
 
     def _stage_maker(self, options: RehearsalOptions) -> Callable[[], Stage]:
         hands = self.get_parameter("hands").value
@@ -137,10 +152,10 @@ class RehearsalNode(ManagedNode):
         except CanceledError:
             return False
         except Exception as error:
-            self.refuse("cannot rehearse", error)
+            self._problem = self.refuse("cannot rehearse", error)
             return False
         self._track.open()
-        self._stage, self.last_error = stage, ""
+        self._stage, self._problem, self.last_error = stage, "", ""
         return True
 
     async def _show(self) -> None:
@@ -159,7 +174,8 @@ class RehearsalNode(ManagedNode):
             pass
         except Exception as error:
             self._stage = None
-            self.refuse("the rehearsal stopped, call ~/reset to begin anew", error)
+            reason = self.refuse("the rehearsal stopped, call ~/reset to begin anew", error)
+            self._problem = f"stopped, call ~/reset to begin anew: {reason}"
         finally:
             self._is_busy = False
 

@@ -30,8 +30,9 @@ class ToolTrack:
         return self._stamps[-1] if self._stamps else None
 
     def add_pose(self, stamp_ns: int, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Add a pose: [3] metres, [4] x y z w; one that is no newer than the last is dropped."""
-        if not self._stamps or stamp_ns > self._stamps[-1]:
+        """Add a pose: [3] metres, [4] x y z w; one that is no newer than the last, or is no pose, is dropped."""
+        is_pose = np.isfinite([*position, *quaternion]).all() and np.any(quaternion)
+        if is_pose and (not self._stamps or stamp_ns > self._stamps[-1]):
             self._stamps.append(stamp_ns)
             self._positions.append(np.asarray(position, float))
             self._rotations.append(Rotation.from_quat(quaternion))

@@ -10,7 +10,6 @@ from typing import Any, Generic, TypeVar
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 
-from egophys_core.errors import EgophysError
 from egophys_ros_common.managed_node import ManagedNode
 
 JobT = TypeVar("JobT")
@@ -60,7 +59,7 @@ class GoalServer(Generic[JobT]):
     def _accept(self, handle: ServerGoalHandle) -> None:
         try:
             job = self._begin(handle)
-        except EgophysError as error:
+        except Exception as error:
             reason = self._node.refuse(f"{self._noun} refused", error)
             handle.execute(partial(self._abort, reason=reason))
         else:

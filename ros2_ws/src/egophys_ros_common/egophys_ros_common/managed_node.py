@@ -76,6 +76,21 @@ class ManagedNode(LifecycleNode):
         """What `/diagnostics` says, once configured, besides the state and the last error."""
         return {}
 
+    def opening_line(self) -> str:
+        """What the node says in the log, once, when it has become active."""
+        return ", ".join([self.status(), *(f"{key}: {value}" for key, value in self.health().items() if value)])
+
+    def diagnostic(self, values: dict[str, str]) -> DiagnosticStatus:
+        """How the node is: an error if it has a fault, a warning if something was refused or failed."""
+        fault = self.fault() if self._is_configured else ""
+        level = DiagnosticStatus.WARN if self.last_error else DiagnosticStatus.OK
+        return DiagnosticStatus(
+            level=DiagnosticStatus.ERROR if fault else level,
+            name=self.get_fully_qualified_name(),
+            message=fault or self.last_error or self.status(),
+            values=[KeyValue(key=key, value=value) for key, value in values.items()],
+        )
+
     def own(self, entity: T, destroy: Callable[[T], Any]) -> T:
         """Return `entity`, to be destroyed at cleanup."""
         self._resources.callback(destroy, entity)
@@ -134,8 +149,7 @@ class ManagedNode(LifecycleNode):
         self.is_active = result == TransitionCallbackReturn.SUCCESS
         if self.is_active:
             self.last_error = ""
-            details = "".join(f", {key}: {value}" for key, value in self.health().items() if value)
-            self.get_logger().info(f"{self.status()}{details}")
+            self.get_logger().info(self.opening_line())
         return result
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -212,15 +226,7 @@ class ManagedNode(LifecycleNode):
 
     def _publish_health(self) -> None:
         details = self.health() if self._is_configured else {}
-        fault = self.fault() if self._is_configured else ""
         values = {"active": str(self.is_active), **details, "last error": self.last_error}
-        level = DiagnosticStatus.WARN if self.last_error else DiagnosticStatus.OK
-        status = DiagnosticStatus(
-            level=DiagnosticStatus.ERROR if fault else level,
-            name=self.get_fully_qualified_name(),
-            message=fault or self.last_error or self.status(),
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
-        message = DiagnosticArray(status=[status])
+        message = DiagnosticArray(status=[self.diagnostic(values)])
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)

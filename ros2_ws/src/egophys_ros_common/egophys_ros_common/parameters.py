@@ -7,9 +7,15 @@ from enum import Enum
 from typing import Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import (
+    InvalidParameterTypeException,
+    InvalidParameterValueException,
+    InvalidTopicNameException,
+    ParameterUninitializedException,
+)
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.validate_topic_name import validate_topic_name
 
 from egophys_core.errors import OptionsError
 from egophys_core.options import from_mapping
@@ -53,6 +59,35 @@ def declare_texts(node: ManagedNode, texts: Mapping[str, tuple[Any, str]], *, at
     """
     for name, (default, description) in texts.items():
         _declare(node, name, default, ParameterDescriptor(description=description), at_once=at_once)
+
+
+def declare_names(node: ManagedNode, names: Mapping[str, tuple[Any, str]], *, at_once: bool = False) -> None:
+    """Declare parameters that name topics or services; setting one to what is no name fails.
+
+    Args:
+        node: that has the parameters.
+        names: default, a name or a list of names, and meaning by parameter. A relative name (`object/points`) is in the
+            namespace of the node.
+        at_once: whether they are read for each request, so that they can be set while the node is active.
+
+    Raises:
+        OptionsError: one was given a value of another type, or what is no name.
+    """
+    declare_texts(node, names, at_once=at_once)
+    for name, (default, _) in names.items():
+        if (value := node.get_parameter(name).value) != default:
+            _check_names(name, value)
+
+    def check(parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            for each in parameters:
+                if each.name in names:
+                    _check_names(each.name, each.value)
+        except OptionsError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(check)
 
 
 def declare_options(node: ManagedNode, cls: type[Any], prefix: str = "", *, at_once: bool = False) -> None:
@@ -132,12 +167,25 @@ def parse_options_json(options_json: str) -> dict[str, Any]:
 def _declare(node: ManagedNode, name: str, default: Any, descriptor: ParameterDescriptor, *, at_once: bool) -> None:
     try:
         node.declare_parameter(name, default, descriptor)
+        node.get_parameter(name)
     except InvalidParameterTypeException as error:
         raise OptionsError(f"parameter {name} must be like {default!r}: {error}") from error
     except InvalidParameterValueException as error:
         raise OptionsError(f"parameter {name} must be {_limits(descriptor)}: {error}") from error
+    except ParameterUninitializedException as error:
+        # An empty list has no type for ROS, and counts as no value.
+        raise OptionsError(f"parameter {name} was given no value; leave it out to have {default!r}") from error
     if at_once:
         node.acts_at_once.add(name)
+
+
+def _check_names(parameter: str, value: str | Sequence[str]) -> None:
+    for name in [value] if isinstance(value, str) else value:
+        try:
+            validate_topic_name(name)
+        except InvalidTopicNameException as error:
+            reason = str(error).splitlines()[0].rstrip(":")
+            raise OptionsError(f"parameter {parameter} must be a name, got {name!r}: {reason}") from error
 
 
 def _limits(descriptor: ParameterDescriptor) -> str:

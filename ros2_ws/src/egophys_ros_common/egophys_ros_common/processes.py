@@ -17,11 +17,14 @@ import rclpy
 from ament_index_python.packages import get_package_prefix
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.srv import SetParameters
 from rclpy.action import ActionClient
 from rclpy.action.client import ClientGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 
 APPEAR_TIMEOUT = 30.0
@@ -75,6 +78,11 @@ class NodeProcess:
     def output(self) -> str:
         """Everything it has printed so far."""
         return self._log.read_text(errors="replace")
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid
 
     @property
     def alive(self) -> bool:
@@ -225,6 +233,12 @@ class Client:
         for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
             if not self.change_state(node, transition):
                 raise RuntimeError(f"{node} refused transition {transition}; its output says why")
+
+    def set_parameter(self, node: str, name: str, value: Any) -> SetParametersResult:
+        """Set a node's parameter, as `ros2 param set` does: `.successful`, and the `.reason` if not."""
+        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+        (result,) = self.call(SetParameters, f"{node}/set_parameters", request).results
+        return result
 
     def message(
         self,

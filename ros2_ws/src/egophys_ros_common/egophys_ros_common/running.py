@@ -1,10 +1,12 @@
 """Running a node as a program: one executor thread, signals that end goals before the node, `--help`."""
 
+import difflib
 import signal
 import socket
 import sys
 import threading
 import time
+import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -15,6 +17,7 @@ from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.signals import SignalHandlerOptions
 
 from egophys_core.errors import EgophysError
+from egophys_ros_common.exit_codes import BAD_PARAMETERS, COULD_NOT_START, CRASHED, ENDED
 from egophys_ros_common.managed_node import ManagedNode
 from egophys_ros_common.parameters_help import parameters_text
 
@@ -30,7 +33,7 @@ def run_node(make: Callable[[], ManagedNode]) -> int:
     One executor thread runs all callbacks, so the node's state needs no locks; work goes to `Worker`s.
 
     Returns:
-        Exit code: 0; 1 if the node was to start by itself and could not; 2 for parameters that it cannot take.
+        The exit code, see `exit_codes`.
     """
     words = sys.argv[1:]
     own_words = words[: words.index("--ros-args")] if "--ros-args" in words else words
@@ -41,21 +44,25 @@ def run_node(make: Callable[[], ManagedNode]) -> int:
     except (ParameterException, EgophysError, RuntimeError) as error:  # rclpy's RCLError is a RuntimeError
         print(f"{make.__name__}: {error}; --help lists the parameters", file=sys.stderr)
         rclpy.try_shutdown()
-        return 2
+        return BAD_PARAMETERS
+    except KeyboardInterrupt:
+        return ENDED
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
         if {"-h", "--help"} & set(own_words):
             print(f"{sys.modules[make.__module__].__doc__}\n\nParameters (-p NAME:=VALUE):\n{parameters_text(node)}")
-            return 0
+            return ENDED
+        _warn_of_misspelt_parameters(node)
         return _spin(node, executor)
     except ExternalShutdownException:
-        return 0
-    except RuntimeError:
+        return ENDED
+    except Exception as error:
         # A callback that was under way when the context ended cannot publish or answer any more.
-        if rclpy.ok():
-            raise
-        return 0
+        if isinstance(error, RuntimeError) and not rclpy.ok():
+            return ENDED
+        traceback.print_exception(error)
+        return CRASHED
     finally:
         node.close()
         executor.shutdown()
@@ -71,7 +78,7 @@ def _spin(node: ManagedNode, executor: SingleThreadedExecutor) -> int:
                 f"waits to be configured: ros2 lifecycle set {node.get_fully_qualified_name()} configure"
             )
         elif not _started(node):
-            return 1
+            return COULD_NOT_START
         # Not spin_until_future_complete, which adds a callback to the future each time that something happens.
         while rclpy.ok() and not told_to_end.is_set():
             executor.spin_once()
@@ -81,7 +88,15 @@ def _spin(node: ManagedNode, executor: SingleThreadedExecutor) -> int:
             executor.spin_once(LAST_SPIN_S)
         for _ in range(LAST_SPINS):
             executor.spin_once(LAST_SPIN_S)
-    return 0
+    return ENDED
+
+
+def _warn_of_misspelt_parameters(node: ManagedNode) -> None:
+    """ROS drops values of parameters that a node does not have; files of parameters are shared by nodes, so may we."""
+    known = node.get_parameters_by_prefix("")
+    for name in sorted(set(node._parameter_overrides) - set(known)):
+        if near := difflib.get_close_matches(name, known, n=1, cutoff=0.8):
+            node.get_logger().warning(f"there is no parameter {name}, so it does nothing; did you mean {near[0]}?")
 
 
 @contextmanager

@@ -4,11 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, LoadedEpisode, is_video, load_episodes
+from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, LoadedEpisode, is_video
 from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, Progress, build
 from egophys_core.twin import Twin, save_twin
-from egophys_twin.recordings import loads_by_name, require_loads, require_recordings
+from egophys_twin.recorded_topics import source_in
+from egophys_twin.recordings import loads_by_name, recorded_episodes, require_loads, require_recordings
 
 NOT_KNOWN = float("nan")
 """Loss of a stage that has none."""
@@ -24,6 +25,8 @@ class BuildRequest:
     seed: int
     source: EpisodeSource
     """How the recordings become episodes."""
+    namespace: str = "/"
+    """Of the names in it, see `recorded_topics`."""
     loads: tuple[float, ...] = ()
     """N that hang at the free end of an object seen at markers, one a recording; empty for none."""
 
@@ -67,10 +70,12 @@ def run_build(
     Raises:
         EgophysError: a recording, the fit or the file failed.
     """
-    perceiving = PERCEPTION_SHARE if any(is_video(path, request.source) for path in request.episode_paths) else 0.0
-    loaded = load_episodes(
+    sources = [source_in(path, request.source, request.namespace) for path in request.episode_paths]
+    some_perceived = any(is_video(*each) for each in zip(request.episode_paths, sources, strict=True))
+    perceiving = PERCEPTION_SHARE if some_perceived else 0.0
+    loaded = recorded_episodes(
         request.episode_paths,
-        request.source,
+        sources,
         progress=lambda stage, share: progress(stage, perceiving * share, NOT_KNOWN),
     )
     on_episodes(loaded)

@@ -41,6 +41,7 @@ class BuildServer(JobServer[BuildRequest, BuiltTwin]):
             options=fit,
             seed=message.seed,
             source=episode_source(self._node, *source),
+            namespace=self._node.get_namespace(),
             loads=tuple(message.loads_n),
         )
 

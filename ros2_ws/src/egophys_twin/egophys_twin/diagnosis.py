@@ -30,6 +30,8 @@ class DiagnosisRequest:
     """How recordings become episodes."""
     executed_topic: str
     """Topic that says of executed plans."""
+    namespace: str = "/"
+    """Of the names in these, see `recorded_topics`."""
     loads: tuple[float, ...] = ()
     """N that hang at the free end of an object seen at markers, one a recording; empty for none."""
 
@@ -83,6 +85,7 @@ def run_diagnosis(request: DiagnosisRequest, *, progress: Callable[[str, float],
         request.episode_paths,
         request.source,
         executed_topic=request.executed_topic,
+        namespace=request.namespace,
         grasp=request.twin.grasp,
         ground_height=request.twin.ground_height,
         progress=lambda stage, share: progress(stage, READING_SHARE * share),

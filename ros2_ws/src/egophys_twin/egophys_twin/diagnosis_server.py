@@ -14,7 +14,7 @@ from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.twin import Twin, load_twin
 from egophys_twin.build import NOT_KNOWN
 from egophys_twin.diagnosis import Diagnosed, DiagnosisRequest, run_diagnosis
-from egophys_twin.episode_parameters import SOURCE_GROUPS, episode_source
+from egophys_twin.episode_parameters import SOURCE_GROUPS, episode_source, recorded_name
 from egophys_twin.job_server import JobServer
 from egophys_twin.jobs import Jobs, OnProgress
 
@@ -47,8 +47,9 @@ class DiagnosisServer(JobServer[DiagnosisRequest, Diagnosed]):
             without=tuple(message.without),
             seed=message.seed,
             source=episode_source(self._node, *source),
+            namespace=self._node.get_namespace(),
             loads=tuple(message.loads_n),
-            executed_topic=self._node.get_parameter("executed_topic").value,
+            executed_topic=recorded_name(self._node, "executed_topic"),
         )
 
     def work(self, job_id: UUID, request: DiagnosisRequest, progress: OnProgress) -> Diagnosed:

@@ -11,7 +11,6 @@ from egophys_ros_common.managed_node import ManagedNode
 from rclpy.action.server import ServerGoalHandle
 from unique_identifier_msgs.msg import UUID
 
-from egophys_core.errors import EgophysError
 from egophys_twin.jobs import Ended, Job, JobRequest, Jobs, Made, OnProgress
 
 RequestT = TypeVar("RequestT", bound=JobRequest)
@@ -86,7 +85,7 @@ class JobServer(ABC, Generic[RequestT, MadeT]):
         try:
             asked = self.request_of(request)
             self._jobs.check(asked)
-        except EgophysError as error:
+        except Exception as error:
             response.message = self._node.refuse(f"{self.noun} refused", error)
             return response
         job = self._job(UUID(uuid=list(uuid.uuid4().bytes)), asked)

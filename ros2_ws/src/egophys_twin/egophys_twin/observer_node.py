@@ -5,8 +5,9 @@ from enum import StrEnum
 from functools import partial
 from typing import Any
 
+from egophys_ros_common import names
 from egophys_ros_common.managed_node import ManagedNode
-from egophys_ros_common.parameters import declare_options, declare_texts, read_option_groups
+from egophys_ros_common.parameters import declare_names, declare_options, declare_texts, read_option_groups
 from egophys_ros_common.qos import latched
 from egophys_ros_common.running import run_node
 from egophys_ros_common.worker import CanceledError, Worker
@@ -24,7 +25,6 @@ from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC
 from egophys_core.perception.live import require_live
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import PerceptionOptions
-from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC
 from egophys_twin.camera_sight import CameraSight
 from egophys_twin.observer_topics import ObserverTopics, overlay_message
 
@@ -41,12 +41,14 @@ class ImageTransport(StrEnum):
         return CompressedImage if self is ImageTransport.COMPRESSED else Image
 
 
-TEXT_PARAMETERS = {
+TOPIC_PARAMETERS = {
     "image_topic": (IMAGE_TOPIC, "topic of the camera's images"),
-    "image_transport": ("compressed", "compressed (sensor_msgs/CompressedImage) or raw (sensor_msgs/Image)"),
     "camera_info_topic": (INFO_TOPIC, "topic of the camera's calibration"),
-    "object_topic": (OBJECT_TOPIC, "topic to publish the object's points on"),
-    "controller_topic": (CONTROLLER_TOPIC, "topic to publish the hand's points on"),
+    "object_topic": (names.OBJECT_POINTS, "topic to publish the object's points on"),
+    "controller_topic": (names.CONTROLLER_POINTS, "topic to publish the hand's points on"),
+}
+TRANSPORT_PARAMETER = {
+    "image_transport": ("compressed", "compressed (sensor_msgs/CompressedImage) or raw (sensor_msgs/Image)"),
 }
 OPTION_GROUPS = ((PerceptionOptions, "perception."), (Board, "board."))
 """Classes of options and the prefixes of their parameters."""
@@ -60,7 +62,8 @@ class ObserverNode(ManagedNode):
     def __init__(self) -> None:
         """Declare the parameters: topics, options of perception, and the board."""
         super().__init__("observer_node")
-        declare_texts(self, TEXT_PARAMETERS)
+        declare_names(self, TOPIC_PARAMETERS)
+        declare_texts(self, TRANSPORT_PARAMETER)
         for options, prefix in OPTION_GROUPS:
             declare_options(self, options, prefix)
         self._topics: ObserverTopics
@@ -70,8 +73,8 @@ class ObserverNode(ManagedNode):
 
     def configure(self) -> None:
         """Check the parameters and create topics and the service."""
-        perception, _ = read_option_groups(self, OPTION_GROUPS)
-        require_live(perception)
+        self._perception, self._board = read_option_groups(self, OPTION_GROUPS)
+        require_live(self._perception)
         self._transport = _transport(self.get_parameter("image_transport").value)
         self._worker = self.own(Worker("observe", self.hand_over), Worker.close)
         self._topics = ObserverTopics(
@@ -90,7 +93,7 @@ class ObserverNode(ManagedNode):
             info(self._take_info, latched(), event_callbacks=quiet),
             self.create_subscription(
                 self._transport.message,
-                self.get_parameter("image_topic").value,
+                self._image_topic,
                 self._take_image,
                 qos_profile_sensor_data,
                 callback_group=ReentrantCallbackGroup(),
@@ -108,12 +111,21 @@ class ObserverNode(ManagedNode):
         """What the observer does, or what it waits for."""
         if not self.is_active:
             return super().status()
-        image_topic = self.get_parameter("image_topic").value
-        if self._seconds_since_image() > SILENCE_S:
-            return f"no image on {image_topic}{self._what_is_published(image_topic)}"
-        if self._sight is None:
+        return self._sight.status if self._sight else f"waits for images on {self._image_topic}"
+
+    def opening_line(self) -> str:
+        """What the observer waits for."""
+        return self.status()
+
+    def fault(self) -> str:
+        """What of the camera does not come."""
+        if not self.is_active:
+            return ""
+        if self._seconds_since(self._newest_ns) > SILENCE_S:
+            return f"no image on {self._image_topic}{self._what_is_published(self._image_topic)}"
+        if self._info is None and self._seconds_since(self._began_ns) > SILENCE_S:
             return f"images, but no camera info on {self.get_parameter('camera_info_topic').value}"
-        return self._sight.status
+        return self._camera_problem
 
     def health(self) -> dict[str, str]:
         """Counts of images and points."""
@@ -126,10 +138,15 @@ class ObserverNode(ManagedNode):
         self._waiting: tuple[bytes, int] | None = None
         self._is_looking = False
         self._received = self._skipped = 0
-        self._newest_ns = 0
+        self._newest_ns = self._began_ns = self.get_clock().now().nanoseconds
+        self._camera_problem = ""
 
-    def _seconds_since_image(self) -> float:
-        return (self.get_clock().now().nanoseconds - self._newest_ns) * 1e-9
+    @property
+    def _image_topic(self) -> str:
+        return str(self.get_parameter("image_topic").value)
+
+    def _seconds_since(self, stamp_ns: int) -> float:
+        return float(self.get_clock().now().nanoseconds - stamp_ns) * 1e-9
 
     def _what_is_published(self, topic: str) -> str:
         wanted = "sensor_msgs/msg/" + self._transport.message.__name__
@@ -142,16 +159,15 @@ class ObserverNode(ManagedNode):
             self._begin()
 
     def _begin(self) -> None:
-        """Learn the object anew, with the camera and the parameters as they are now."""
+        """Learn the object anew, with the camera as it is now."""
         try:
-            perception, board = read_option_groups(self, OPTION_GROUPS)
-            self._sight = CameraSight(self._info, options=perception, board=board)
+            self._sight = CameraSight(self._info, options=self._perception, board=self._board)
         except EgophysError as error:
             # The next camera info may be a good one; until then one line in the log is enough.
-            if str(error) not in self.last_error:
-                self.refuse("cannot use the camera info", error)
+            if str(error) != self._camera_problem:
+                self._camera_problem = self.refuse("cannot use the camera info", error)
         else:
-            self.last_error = ""
+            self.last_error = self._camera_problem = ""
 
     async def _take_image(self, cdr: bytes) -> None:
         now_ns = self.get_clock().now().nanoseconds
@@ -187,7 +203,7 @@ class ObserverNode(ManagedNode):
 
     def _reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if not self.is_active or self._info is None:
-            response.message = "the node is not active" if not self.is_active else self.status()
+            response.message = (self.fault() or self.status()) if self.is_active else "the node is not active"
             return response
         self._sight = None
         self._begin()

@@ -3,19 +3,17 @@
 import sys
 from pathlib import Path
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from egophys_ros_common.managed_node import ManagedNode
-from egophys_ros_common.parameters import declare_number, declare_texts
+from egophys_ros_common.parameters import declare_names, declare_number, declare_texts
 from egophys_ros_common.qos import latched
 from egophys_ros_common.running import run_node
 
 from egophys_core.errors import RecordingError
 from egophys_twin.topic_recording import TopicRecording
 
-PARAMETERS = {
-    "topics": ([""], "names of the topics to record; types are found when they appear"),
-    "output_folder": ("", "rosbag2 folder to write; must not exist when the node activates"),
-}
+TOPICS_PARAMETER = {"topics": ([""], "names of the topics to record; types are found when they appear")}
+FOLDER_PARAMETER = {"output_folder": ("", "rosbag2 folder to write; must not exist when the node activates")}
 STATUS_PERIOD_S = 0.5
 
 
@@ -25,7 +23,8 @@ class RecorderNode(ManagedNode):
     def __init__(self) -> None:
         """Declare the parameters."""
         super().__init__("recorder_node")
-        declare_texts(self, PARAMETERS)
+        declare_names(self, TOPICS_PARAMETER)
+        declare_texts(self, FOLDER_PARAMETER)
         doc = "age, s, at which messages are on disk; a killed recorder loses younger ones"
         declare_number(self, "flush_interval_s", 1.0, low=0.05, high=60.0, doc=doc)
         self._topics: list[str] = []
@@ -39,6 +38,7 @@ class RecorderNode(ManagedNode):
             raise RecordingError("nothing to record; set the parameter topics to a list of topic names")
         if not self.get_parameter("output_folder").value:
             raise RecordingError("nowhere to record to; set the parameter output_folder")
+        self._folder = Path(self.get_parameter("output_folder").value).expanduser().absolute()
         self._status = self.own(self.create_publisher(DiagnosticStatus, "~/status", latched()), self.destroy_publisher)
         self.own(self.create_timer(STATUS_PERIOD_S, self._publish_status), self.destroy_timer)
 
@@ -47,7 +47,7 @@ class RecorderNode(ManagedNode):
         self._recording = TopicRecording(
             self,
             self._topics,
-            Path(self.get_parameter("output_folder").value),
+            self._folder,
             flush_interval_s=self.get_parameter("flush_interval_s").value,
             on_failure=self.refuse,
         )
@@ -58,19 +58,24 @@ class RecorderNode(ManagedNode):
         if recording is not None:
             recording.close()
 
+    def status(self) -> str:
+        """Whether anything is recorded, and where to."""
+        return f"recording {len(self._topics)} topics to {self._folder}" if self._recording else "not recording"
+
+    def opening_line(self) -> str:
+        """Where to; `~/status` tells of each topic."""
+        return self.status()
+
+    def fault(self) -> str:
+        """What is not recorded, though it was asked for."""
+        return self._recording.fault() if self._recording else ""
+
     def health(self) -> dict[str, str]:
         """Messages written of each topic."""
         return self._recording.states() if self._recording else {}
 
     def _publish_status(self) -> None:
-        self._status.publish(
-            DiagnosticStatus(
-                level=DiagnosticStatus.WARN if self.last_error else DiagnosticStatus.OK,
-                name=self.get_fully_qualified_name(),
-                message=self.last_error or ("recording" if self._recording else "not recording"),
-                values=[KeyValue(key=topic, value=state) for topic, state in self.health().items()],
-            )
-        )
+        self._status.publish(self.diagnostic(self.health()))
 
 
 def main() -> int:

@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.episode_source import EpisodeSource, load_episodes
+from egophys_core.episode_source import EpisodeSource, LoadedEpisode, load_episodes
 from egophys_core.errors import OptionsError, RecordingError
 from egophys_twin.executions import execution_episodes, has_executions
+from egophys_twin.recorded_topics import source_in, topic_in
 
 
 def require_recordings(paths: Sequence[Path]) -> None:
@@ -54,11 +55,22 @@ def loads_by_name(loads: Sequence[float], episodes: Sequence[Episode]) -> dict[s
     return {each.name: newtons for each, newtons in zip(episodes, loads, strict=False) if newtons}
 
 
+def recorded_episodes(
+    paths: Sequence[Path], sources: Sequence[EpisodeSource], *, progress: Callable[[str, float], None]
+) -> list[LoadedEpisode]:
+    """The episode of each recording, by a source of its own; otherwise as `load_episodes`."""
+    loaded = []
+    for index, (path, source) in enumerate(zip(paths, sources, strict=True)):
+        loaded += load_episodes([path], source, progress=_part(progress, index, len(paths)))
+    return loaded
+
+
 def observed_episodes(
     paths: Sequence[Path],
     source: EpisodeSource,
     *,
     executed_topic: str,
+    namespace: str = "/",
     grasp: np.ndarray,
     ground_height: float,
     progress: Callable[[str, float], None],
@@ -69,6 +81,7 @@ def observed_episodes(
         paths: bags and logs.
         source: how recordings become episodes.
         executed_topic: topic of the paths that were executed.
+        namespace: of the names of these topics, see `recorded_topics`.
         grasp: [C, 3] metres, the points that move with the tool when it takes hold (`Twin.grasp`).
         ground_height: z of the table, metres; executions do not record it.
         progress: called with what is being done and the share done, 0..1; raises to stop.
@@ -79,22 +92,26 @@ def observed_episodes(
     """
     episodes: list[Episode] = []
     for index, path in enumerate(paths):
-        if has_executions(path, executed_topic):
+        here = source_in(path, source, namespace)
+        executed = topic_in(path, executed_topic, namespace)
+        if has_executions(path, executed):
             progress(f"read {path.name}", index / len(paths))
             episodes += execution_episodes(
                 path,
-                executed_topic=executed_topic,
-                object_topic=source.object_topic,
+                executed_topic=executed,
+                object_topic=here.object_topic,
                 grasp=grasp,
                 ground_height=ground_height,
             )
         else:
-
-            def report(stage: str, share: float, index: int = index) -> None:
-                progress(stage, (index + share) / len(paths))
-
-            episodes += [each.episode for each in load_episodes([path], source, progress=report)]
+            loaded = load_episodes([path], here, progress=_part(progress, index, len(paths)))
+            episodes += [each.episode for each in loaded]
     return _distinct(episodes)
+
+
+def _part(progress: Callable[[str, float], None], index: int, count: int) -> Callable[[str, float], None]:
+    """What tells of the progress of one of so many recordings."""
+    return lambda stage, share: progress(stage, (index + share) / count)
 
 
 def _distinct(episodes: Sequence[Episode]) -> list[Episode]:

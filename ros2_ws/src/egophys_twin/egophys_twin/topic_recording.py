@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -17,6 +18,7 @@ DISCOVERY_PERIOD_S = 0.2
 """How often it is looked whether a topic has a publisher by now."""
 
 WAITING = "no publisher yet"
+STOPPED = "recording stopped"
 
 
 class TopicRecording:
@@ -48,11 +50,13 @@ class TopicRecording:
             RecordingError: the log cannot be made.
         """
         self._node = node
-        self._on_failure = on_failure
+        self._tell = on_failure
         self._log = LogWriter(folder, flush_interval_s=flush_interval_s)
         self._subscriptions: dict[str, Subscription] = {}
         self._counts: Counter[str] = Counter()
         self._states = dict.fromkeys(topics, WAITING)
+        self._stopped = ""
+        self._refused: list[str] = []
         self._discover()
         self._timers = [
             node.create_timer(DISCOVERY_PERIOD_S, self._discover),
@@ -65,15 +69,16 @@ class TopicRecording:
         Raises:
             RecordingError: the disk refuses; what was flushed before stays readable.
         """
-        while self._timers:
-            self._node.destroy_timer(self._timers.pop())
-        while self._subscriptions:
-            self._node.destroy_subscription(self._subscriptions.popitem()[1])
+        self._stop_listening()
         self._log.close()
 
     def states(self) -> dict[str, str]:
         """Per topic the number of messages written, or why there are none."""
         return self._states | {topic: str(self._counts[topic]) for topic in self._subscriptions}
+
+    def fault(self) -> str:
+        """What is not recorded though it is published, and why; empty if nothing."""
+        return "; ".join(filter(None, [self._stopped, *self._refused]))
 
     def _discover(self) -> None:
         for topic, state in self._states.items():
@@ -82,6 +87,7 @@ class TopicRecording:
                     self._subscribe(topic)
                 except RecordingError as error:
                     self._states[topic] = str(error)
+                    self._refused.append(f"cannot record {topic}: {error}")
                     self._on_failure(f"cannot record {topic}", error)
 
     def _subscribe(self, topic: str) -> None:
@@ -105,10 +111,28 @@ class TopicRecording:
             self._log.write(topic, cdr, received_ns)
             self._counts[topic] += 1
         except RecordingError as error:
-            self._on_failure("recording stopped", error)
+            self._on_failure(STOPPED, error)
 
     def _flush(self) -> None:
         try:
             self._log.flush()
         except RecordingError as error:
-            self._on_failure("recording stopped", error)
+            self._on_failure(STOPPED, error)
+
+    def _on_failure(self, what: str, error: RecordingError) -> None:
+        if what == STOPPED:
+            if self._stopped:
+                return
+            self._stopped = f"{what}: {error}"
+            self._states = self.states()
+            # Half a chunk may be written: what came after it could not be read.
+            self._stop_listening()
+            with suppress(RecordingError):
+                self._log.close()
+        self._tell(what, error)
+
+    def _stop_listening(self) -> None:
+        while self._timers:
+            self._node.destroy_timer(self._timers.pop())
+        while self._subscriptions:
+            self._node.destroy_subscription(self._subscriptions.popitem()[1])

@@ -23,15 +23,11 @@ from egophys_core.waypoint_plan import plan_of_message
 from egophys_twin.build_server import BuildServer
 from egophys_twin.diagnosis_server import DIAGNOSIS_GROUP, DiagnosisServer
 from egophys_twin.episode_parameters import SOURCE_GROUPS, declare_source
-from egophys_twin.executions import EXECUTED_TOPIC
 from egophys_twin.jobs import Jobs
 from egophys_twin.rollouts import simulate
 from egophys_twin.twin_topics import TwinTopics, info_message
 
 TWIN_PARAMETERS = {"twin_path": ("", "twin file to use from the start; empty for none")}
-TOPIC_PARAMETERS = {
-    "executed_topic": (EXECUTED_TOPIC, "topic that says in a log which plans the bridge executed"),
-}
 
 OPTION_GROUPS = ((FitOptions, ""), DIAGNOSIS_GROUP)
 """Classes of options, besides those of episodes, and the prefixes of their parameters."""
@@ -44,7 +40,6 @@ class TwinNode(ManagedNode):
         """Declare the parameters: those of the node and every option of perception, fit and diagnosis."""
         super().__init__("twin_node")
         declare_texts(self, TWIN_PARAMETERS)
-        declare_texts(self, TOPIC_PARAMETERS, at_once=True)
         for options, prefix in OPTION_GROUPS:
             declare_options(self, options, prefix, at_once=True)
         declare_source(self)
@@ -59,7 +54,7 @@ class TwinNode(ManagedNode):
         read_option_groups(self, (*OPTION_GROUPS, *SOURCE_GROUPS))
         self._twin = None
         if twin_path := self.get_parameter("twin_path").value:
-            path = Path(twin_path)
+            path = Path(twin_path).expanduser()
             self._twin = load_twin(path)
             self._info = info_message(self._twin, path, time_message(path.stat().st_mtime_ns))
         self._topics = TwinTopics(self)
@@ -76,6 +71,12 @@ class TwinNode(ManagedNode):
         """Cancel the job, finish the rollout that runs, drop those that wait."""
         self._jobs.stop()
         self._rollouts.stop()
+
+    def status(self) -> str:
+        """Whether there is a twin to roll out and to plan with."""
+        if not self.is_active:
+            return super().status()
+        return "active" if self._twin else "no twin in use: build one, or start with twin_path"
 
     def health(self) -> dict[str, str]:
         """Which twin is in use and what the newest job does."""

@@ -4,40 +4,27 @@ ros2 launch egophys_twin twin.launch.py
 ros2 launch egophys_twin twin.launch.py twin_path:=PATH
 """
 
-from pathlib import Path
-
-from ament_index_python.packages import get_package_share_directory
+from egophys_ros_common.launch_checks import require_file
+from egophys_ros_common.launch_parts import argument, check, common_arguments, lifecycle_node, share, text
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration
-from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
+
+FILES = ("twin_path", "twin_params_file")
 
 
 def generate_launch_description() -> LaunchDescription:
-    config = Path(get_package_share_directory("egophys_twin")) / "config"
-    arguments = {
-        "twin_path": ("", "twin file to use from the start; empty for none"),
-        "twin_params_file": (str(config / "twin.yaml"), "parameters of twin_node: topics and options of the fit"),
-    }
+    """Nodes and arguments."""
     return LaunchDescription(
         [
-            *[
-                DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, (default, description) in arguments.items()
-            ],
-            Node(
-                package="egophys_twin",
-                executable="twin_node",
-                name="twin_node",
-                parameters=[
-                    LaunchConfiguration("twin_params_file"),
-                    {
-                        "twin_path": ParameterValue(LaunchConfiguration("twin_path"), value_type=str),
-                        "autostart": True,
-                    },
-                ],
-                output="screen",
+            argument("twin_path", "", "twin file to use from the start; empty for none"),
+            argument(
+                "twin_params_file",
+                str(share("egophys_twin", "config", "twin.yaml")),
+                "parameters of twin_node: topics and options of the fit",
+            ),
+            *common_arguments(),
+            *[check(lambda values, name=name: require_file(name, values[name])) for name in FILES],
+            lifecycle_node(
+                "egophys_twin", "twin_node", params_file="twin_params_file", parameters={"twin_path": text("twin_path")}
             ),
         ]
     )

@@ -1,0 +1,40 @@
+"""Which topic of a recording a name means: recordings and the node that learns from them may be in namespaces.
+
+A recording made beside the node has the node's full names (`/lab/object/points`), one made elsewhere those at the root
+(`/object/points`). Imports no ROS.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+from egophys_core.episode_source import EpisodeSource
+from egophys_core.recording import list_topics
+
+
+def topic_in(path: Path, name: str, namespace: str) -> str:
+    """The name if the recording has such messages, else the same without the namespace if it has those.
+
+    Args:
+        path: a bag or a log.
+        name: full name of a topic.
+        namespace: of the node that was told the name, `/` for none.
+
+    Raises:
+        RecordingError: not a bag.
+    """
+    at_root = name.removeprefix(namespace.rstrip("/"))
+    recorded = {topic.name for topic in list_topics(path) if topic.messages}
+    return at_root if at_root in recorded and name not in recorded else name
+
+
+def source_in(path: Path, source: EpisodeSource, namespace: str) -> EpisodeSource:
+    """The source with the names that its topics have in a recording.
+
+    Raises:
+        RecordingError: not a bag.
+    """
+    return replace(
+        source,
+        object_topic=topic_in(path, source.object_topic, namespace),
+        controller_topic=topic_in(path, source.controller_topic, namespace),
+    )

@@ -9,6 +9,7 @@ from egophys_core.recording.episode_reader import (
 )
 from egophys_core.recording.episode_writer import write_episode
 from egophys_core.recording.log_writer import LogWriter
+from egophys_core.recording.losses import LostMessages, find_lost
 from egophys_core.recording.message_definitions import (
     MessageDefinition,
     definition_from_folder,
@@ -40,6 +41,7 @@ __all__ = [
     "CutRecordingWarning",
     "EpisodeWarning",
     "LogWriter",
+    "LostMessages",
     "MessageDefinition",
     "PointFrame",
     "Record",
@@ -49,6 +51,7 @@ __all__ = [
     "decode_points",
     "definition_from_folder",
     "encode_points",
+    "find_lost",
     "jazzy_types",
     "list_topics",
     "pack_points",

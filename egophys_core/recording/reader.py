@@ -9,7 +9,7 @@ import yaml
 
 from egophys_core.errors import RecordingError
 from egophys_core.recording import mcap_file, sqlite_file
-from egophys_core.recording.bag_metadata import METADATA_NAME
+from egophys_core.recording.bag_metadata import INFORMATION_KEY, METADATA_NAME
 from egophys_core.recording.records import (
     CutRecordingWarning,
     DamagedFileError,
@@ -114,7 +114,7 @@ def _listed_files(folder: Path) -> list[Path]:
     if not metadata.is_file():
         return []
     try:
-        information = yaml.safe_load(metadata.read_text("utf-8"))["rosbag2_bagfile_information"]
+        information = yaml.safe_load(metadata.read_text("utf-8"))[INFORMATION_KEY]
         # Bags up to version 3 wrote the folder's name before the file's.
         files = [folder / Path(str(name)).name for name in information["relative_file_paths"]]
         mode = str(information.get("compression_mode") or "none").lower()

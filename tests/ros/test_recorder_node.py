@@ -138,7 +138,7 @@ def test_a_log_of_a_build_and_a_prediction_replays(start_twin_node, record, clie
     wait_for_counts(client, dict.fromkeys(TWIN_TOPICS, 1) | TRAINING_COUNTS)
     assert recorder.interrupt() == 0
 
-    outcomes = {each.step: (each.outcome, each.detail) for each in replay_log(folder)}
+    outcomes = {each.step: (each.outcome, each.detail) for each in replay_log(folder).steps}
     assert outcomes["build"][0] == ReplayOutcome.SAME, outcomes["build"]
     assert outcomes["prediction"][0] == ReplayOutcome.SAME, outcomes["prediction"]
 

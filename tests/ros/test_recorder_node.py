@@ -19,7 +19,7 @@ from std_msgs.msg import String, UInt8MultiArray
 
 from egophys_core.identification import episode_digest
 from egophys_core.planning import grasp_from_points
-from egophys_core.recording import CutRecordingWarning, decode_episode, list_topics, read_records
+from egophys_core.recording import CutRecordingWarning, decode_episode, find_lost, list_topics, read_records
 from egophys_core.replay import ReplayOutcome, replay_log
 from egophys_core.twin import decode_twin
 from tests.ros.cloth import FRAMES, NAME, OPTIONS_JSON, SEED, lifting_plan
@@ -173,6 +173,29 @@ def test_the_log_of_a_killed_recorder_opens(record, talk, client, tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CutRecordingWarning)
         assert [each.data for each in messages(folder, "/words", String)] == [str(n) for n in range(50)]
+
+
+def test_messages_that_a_stalled_recorder_misses_are_counted(record, talk, client, tmp_path):
+    folder, sent = tmp_path / "log", 400
+    publishers = [talk(String, "/sentences", 10) for _ in range(2)]
+    recorder = record(folder, ["/sentences"])
+    for each in publishers:
+        wait_until(lambda each=each: each.get_subscription_count() == 1, 10, "the recorder's subscription")
+    recorder.pause()
+    for index in range(sent):
+        for each in publishers:
+            each.publish(String(data=f"{index} of a sentence that nobody has ears for"))
+    recorder.resume()
+    # One more of each tells that some are missing before it.
+    for each in publishers:
+        each.publish(String(data="last"))
+    status = client.message(DiagnosticStatus, f"{NODE}/status", lambda each: "lost" in each.values[0].value, latched())
+    assert status.level == DiagnosticStatus.WARN
+    assert "messages were lost before they could be written" in status.message
+    assert recorder.interrupt() == 0
+    (lost,) = find_lost(folder, list_topics(folder))
+    assert lost.topic == "/sentences"
+    assert lost.messages == 2 * (sent + 1) - len(messages(folder, "/sentences", String))
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,14 @@ class NodeProcess:
         """SIGKILL: the process cannot tidy up."""
         self._end(signal.SIGKILL)
 
+    def pause(self) -> None:
+        """Hang: it stays connected and does nothing until `resume`."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def resume(self) -> None:
+        """Go on where `pause` stopped it."""
+        self._process.send_signal(signal.SIGCONT)
+
     def wait_for_end(self, timeout: float = APPEAR_TIMEOUT) -> int:
         """Wait until it ends by itself; the exit code."""
         self._end_expected = True

@@ -30,6 +30,7 @@ from egophys_core.recording.pointcloud import (
 )
 from egophys_core.recording.reader import list_topics, read_records
 from egophys_core.recording.records import CutRecordingWarning, Record, TopicInfo
+from egophys_core.recording.stamps import require_steady_stamps
 
 __all__ = [
     "CONTROLLER_TOPIC",
@@ -58,6 +59,7 @@ __all__ = [
     "points_of_message",
     "read_episode",
     "read_records",
+    "require_steady_stamps",
     "standard_definition",
     "types_of_topics",
     "write_episode",

@@ -226,7 +226,7 @@ def test_messages_that_are_no_longer_readable_are_counted(loop, tmp_path):
     less = write_log(tmp_path / "less", [entry for entry in entries if entry[0] != "/mppi_planner_node/plan"])
     next(less.glob("*.mcap")).replace(folder / "log_0.mcap")
     (sentence,) = replay_log(folder).lost
-    assert sentence == "1 message lost on /mppi_planner_node/plan: 1 were written, 0 are readable"
+    assert sentence == "1 message lost on /mppi_planner_node/plan: 1 was written, 0 can be read"
 
 
 def made_with(twin, **provenance):

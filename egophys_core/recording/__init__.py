@@ -8,6 +8,7 @@ from egophys_core.recording.episode_reader import (
     read_episode,
 )
 from egophys_core.recording.episode_writer import write_episode
+from egophys_core.recording.inspection import inspect_recording
 from egophys_core.recording.log_writer import LogWriter
 from egophys_core.recording.losses import LostMessages, find_lost
 from egophys_core.recording.message_definitions import (
@@ -53,6 +54,7 @@ __all__ = [
     "definition_from_folder",
     "encode_points",
     "find_lost",
+    "inspect_recording",
     "jazzy_types",
     "list_topics",
     "pack_points",

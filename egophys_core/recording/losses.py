@@ -1,6 +1,7 @@
 """What a recording lacks, by what its recorder said of it: messages that never came, and that are no longer there."""
 
 import json
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,16 +37,22 @@ def find_lost(path: Path, topics: Sequence[TopicInfo]) -> list[LostMessages]:
         path: an `.mcap` file or a rosbag2 folder.
         topics: what is readable of it (`list_topics`).
     """
-    information = _information(path)
-    readable = {topic.name: topic.messages for topic in topics}
-    found = [
+    missed = [
         LostMessages(topic=topic, messages=messages, reason="they did not reach the recorder")
-        for topic, messages in _not_received(information).items()
+        for topic, messages in _not_received(_information(path)).items()
     ]
-    for topic, written in _written(information).items():
-        if written > readable.get(topic, 0):
-            reason = f"{written} were written, {readable.get(topic, 0)} are readable"
-            found.append(LostMessages(topic=topic, messages=written - readable.get(topic, 0), reason=reason))
+    return missed + find_unreadable(path, topics)
+
+
+def find_unreadable(path: Path, topics: Sequence[TopicInfo]) -> list[LostMessages]:
+    """What the recorder said that it wrote and is not readable; arguments as of `find_lost`."""
+    readable = {topic.name: topic.messages for topic in topics}
+    found = []
+    for topic, written in _written(_information(path)).items():
+        count = readable.get(topic, 0)
+        if written > count:
+            reason = f"{written} {'was' if written == 1 else 'were'} written, {count} can be read"
+            found.append(LostMessages(topic=topic, messages=written - count, reason=reason))
     return found
 
 
@@ -58,7 +65,7 @@ def _information(path: Path) -> Mapping[str, Any]:
             with path.open("rb") as stream:
                 texts = [each.metadata["serialized_metadata"] for each in make_reader(stream).iter_metadata()]
             content = yaml.safe_load(texts[-1])
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, McapError, KeyError, TypeError, IndexError):
+    except (OSError, UnicodeDecodeError, struct.error, yaml.YAMLError, McapError, KeyError, TypeError, IndexError):
         return {}
     return content if isinstance(content, dict) else {}
 

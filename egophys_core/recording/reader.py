@@ -57,7 +57,7 @@ def list_topics(path: Path | str) -> list[TopicInfo]:
 
 def _read(path: Path, table: TopicTable, wanted: Collection[str] | None) -> Iterator[Record]:
     unread: list[DamagedFileError] = []
-    for file in _storage_files(path):
+    for file in storage_files(path):
         before = table.total
         try:
             yield from _storage_reader(file)(file, table, wanted)
@@ -93,7 +93,12 @@ def _storage_reader(path: Path) -> _StorageReader:
     )
 
 
-def _storage_files(path: Path) -> list[Path]:
+def storage_files(path: Path) -> list[Path]:
+    """The files of a bag, in order.
+
+    Raises:
+        RecordingError: there are none, one is missing, or they are packed by rosbag2's own compression.
+    """
     if path.is_dir():
         files = _listed_files(path) or _found_files(path)
         if not files:

@@ -31,11 +31,11 @@ class BuildRequest:
         """Look whether the build can start at all.
 
         Raises:
-            RecordingError: no recording given, or one does not exist.
+            RecordingError: no recording given, or one does not exist, is cut or damaged, or lacks a topic.
             OptionsError: not one load a recording, or one that is none.
             OutputError: the twin cannot be written where it is asked for.
         """
-        require_recordings(self.episode_paths)
+        require_recordings(self.episode_paths, self.source)
         require_loads(self.loads, self.episode_paths)
         require_writable(self.output_path)
 

@@ -7,22 +7,33 @@ from pathlib import Path
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.episode_source import EpisodeSource, load_episodes
+from egophys_core.episode_source import EpisodeSource, load_episodes, require_episode, require_topic
 from egophys_core.errors import OptionsError, RecordingError
+from egophys_core.recording import inspect_recording
 from egophys_twin.executions import execution_episodes, has_executions
 
 
-def require_recordings(paths: Sequence[Path]) -> None:
-    """Check that there are recordings.
+def require_recordings(paths: Sequence[Path], source: EpisodeSource, *, executed_topic: str | None = None) -> None:
+    """Check that there are recordings, whole and with the topics that episodes are made from.
+
+    Args:
+        paths: bags and logs.
+        source: how recordings become episodes.
+        executed_topic: topic of the paths that were executed, in logs that show these; None where they do not count.
 
     Raises:
-        RecordingError: none is given, or one does not exist.
+        RecordingError: none is given, or one does not exist, is cut or damaged, or lacks a topic.
     """
     if not paths:
         raise RecordingError("no episode given; name at least one recording in episode_paths")
     for path in paths:
         if not path.exists():
             raise RecordingError(f"{path}: no such recording on the machine of the twin node")
+        topics = inspect_recording(path)
+        if any(topic.name == executed_topic and topic.messages for topic in topics):
+            require_topic(path, topics, source.object_topic)
+        else:
+            require_episode(path, topics, source)
 
 
 def require_loads(loads: Sequence[float], paths: Sequence[Path]) -> None:

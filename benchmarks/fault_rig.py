@@ -16,9 +16,7 @@ from egophys_ros_common.conversions import plan_message, time_message, world_hea
 from egophys_ros_common.processes import Client, NodeProcess, wait_until
 from egophys_ros_common.qos import latched
 from rcl_interfaces.msg import Log
-from rcl_interfaces.srv import SetParameters
 from rclpy.action.client import ClientGoalHandle
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
@@ -124,12 +122,6 @@ class FaultRig:
     def call(self, service: str) -> bool:
         """Call one of the bridge's Trigger services."""
         return bool(self.client.call(Trigger, f"{BRIDGE}/{service}").success)
-
-    def set_parameter(self, name: str, value: Any) -> bool:
-        """Whether the bridge takes a parameter."""
-        request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-        (result,) = self.client.call(SetParameters, f"{BRIDGE}/set_parameters", request).results
-        return bool(result.successful)
 
     def use_twin(self, twin_id: str) -> None:
         """Say, as the twin node would, which twin is in use."""

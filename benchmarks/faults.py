@@ -82,12 +82,12 @@ def _send_another_twins_plan(rig: FaultRig) -> None:
 def _lose_the_transform(rig: FaultRig) -> None:
     for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
         assert rig.client.change_state(BRIDGE, transition)
-    assert rig.set_parameter("calibration_file", "/nowhere/world_to_base.yaml")
+    assert rig.client.set_parameter(BRIDGE, "calibration_file", "/nowhere/world_to_base.yaml").successful
     assert not rig.client.change_state(BRIDGE, Transition.TRANSITION_CONFIGURE)
 
 
 def _give_the_transform(rig: FaultRig) -> None:
-    assert rig.set_parameter("calibration_file", str(CONFIG / "world_to_base.yaml"))
+    assert rig.client.set_parameter(BRIDGE, "calibration_file", str(CONFIG / "world_to_base.yaml")).successful
     rig.client.start(BRIDGE)
 
 
@@ -107,7 +107,9 @@ def _start_second_bridge(rig: FaultRig) -> None:
 
 
 def _freeze_bridge(rig: FaultRig) -> None:
-    rig.bridge.freeze(3.0)
+    rig.bridge.pause()
+    time.sleep(3.0)
+    rig.bridge.resume()
 
 
 CLEAR = "calls ~/clear_error, sends the next plan"

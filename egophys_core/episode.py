@@ -13,6 +13,11 @@ LARGEST_SCENE_M = 20.0
 """Coordinates beyond this are taken for a wrong unit (millimetres) rather than a large object."""
 
 
+LONGEST_GAP_S = 10.0
+"""Seconds between two frames of one episode, all of which a rollout simulates. Where a camera lost the object they are
+below 0.3 s in all recordings known; a clock that is set, or the break between two recordings, is longer."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Episode:
     """Points of an object and of the hands that move it, over time. SI units, frame `world`, z up."""
@@ -55,10 +60,7 @@ class Episode:
         ):
             if array.shape != shape:
                 raise EpisodeError(f"{self.name}: {label} must be {shape}, got {array.shape}")
-        steps = np.diff(times)
-        if not np.all(steps > 0):
-            frame = int(np.argmin(steps > 0)) + 1
-            raise EpisodeError(f"{self.name}: time does not increase at frame {frame} (t={times[frame]:.3f} s)")
+        _require_steady_times(times, self.name)
         if not np.isfinite(controllers).all():
             frame, index = np.argwhere(~np.isfinite(controllers))[0][:2]
             raise EpisodeError(
@@ -90,3 +92,16 @@ class Episode:
     def train_frames(self) -> int:
         """Number of frames that are fitted, floor(0.7 T); frames from this one on are held out (paper, Sec. 4.1)."""
         return self.frames * 7 // 10
+
+
+def _require_steady_times(times: np.ndarray, name: str) -> None:
+    steps = np.diff(times)
+    if not np.all(steps > 0):
+        frame = int(np.argmin(steps > 0)) + 1
+        raise EpisodeError(f"{name}: time does not increase at frame {frame} (t={times[frame]:.3f} s)")
+    if steps.max() > LONGEST_GAP_S:
+        frame = int(np.argmax(steps > LONGEST_GAP_S))
+        raise EpisodeError(
+            f"{name}: {steps[frame]:.3f} s pass from frame {frame} (t={times[frame]:.3f} s) to frame {frame + 1} "
+            f"(t={times[frame + 1]:.3f} s), in one episode at most {LONGEST_GAP_S:g} s; cut it there into two"
+        )

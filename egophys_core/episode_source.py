@@ -8,13 +8,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from egophys_core.episode import Episode
-from egophys_core.errors import EpisodeError
+from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.options import choice
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.camera.image_message import COMPRESSED_IMAGE, IMAGE
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.perceive import PerceptionReport, perceive
-from egophys_core.recording import CONTROLLER_TOPIC, OBJECT_TOPIC, list_topics, read_episode, write_episode
+from egophys_core.recording import (
+    CONTROLLER_TOPIC,
+    OBJECT_TOPIC,
+    TopicInfo,
+    list_topics,
+    read_episode,
+    write_episode,
+)
 
 PERCEPTION_SHARE = 0.5
 """Part of a build's progress bar that perception takes if an episode is from video."""
@@ -72,9 +79,49 @@ def is_video(path: Path, source: EpisodeSource) -> bool:
     """
     if source.source != Source.AUTO:
         return source.source == Source.VIDEO
-    topics = [topic for topic in list_topics(path) if topic.messages > 0]
-    has_points = any(topic.name in (source.object_topic, source.controller_topic) for topic in topics)
-    return not has_points and any(topic.type in (COMPRESSED_IMAGE, IMAGE) for topic in topics)
+    return _shows_video_alone(list_topics(path), source)
+
+
+def require_episode(path: Path, topics: Sequence[TopicInfo], source: EpisodeSource) -> None:
+    """Check that a recording has what an episode is made from.
+
+    Args:
+        path: the recording, for the message.
+        topics: what is in it (`inspect_recording`).
+        source: what of it to use.
+
+    Raises:
+        RecordingError: it has no messages on a topic that is needed.
+    """
+    if source.source == Source.VIDEO or (source.source == Source.AUTO and _shows_video_alone(topics, source)):
+        if not any(topic.messages > 0 and topic.type in (COMPRESSED_IMAGE, IMAGE) for topic in topics):
+            raise RecordingError(f"{path}: no images; the recording has {_listed(topics)}")
+    else:
+        require_topic(path, topics, source.object_topic)
+        require_topic(path, topics, source.controller_topic)
+
+
+def require_topic(path: Path, topics: Sequence[TopicInfo], name: str) -> None:
+    """Check that a topic is among those of a recording, with messages.
+
+    Raises:
+        RecordingError: it is not, or has none; names what there is.
+    """
+    if not any(topic.name == name and topic.messages > 0 for topic in topics):
+        raise RecordingError(
+            f"{path}: no messages on {name}; the recording has {_listed(topics)}. Record it, or name the topic "
+            "that has the points"
+        )
+
+
+def _listed(topics: Sequence[TopicInfo]) -> str:
+    return ", ".join(f"{each.name} ({each.type}, {each.messages} messages)" for each in topics) or "no topics at all"
+
+
+def _shows_video_alone(topics: Sequence[TopicInfo], source: EpisodeSource) -> bool:
+    filled = [topic for topic in topics if topic.messages > 0]
+    has_points = any(topic.name in (source.object_topic, source.controller_topic) for topic in filled)
+    return not has_points and any(topic.type in (COMPRESSED_IMAGE, IMAGE) for topic in filled)
 
 
 def load_episodes(

@@ -260,7 +260,7 @@ def report(parsed: argparse.Namespace, folder: Path, outcomes: Outcomes) -> int:
     judge = read_episode(measured) if measured is not None else episode
     scores, _ = evaluate_twin(twin, judge)
     with console.status("replaying the log"):
-        comparisons = replay_log(folder / "log")
+        replay = replay_log(folder / "log")
     picture = folder / "shapes.png"
     before, planned, after = outcomes.costs_m
     draw_shapes(
@@ -289,10 +289,12 @@ def report(parsed: argparse.Namespace, folder: Path, outcomes: Outcomes) -> int:
     table.add_row(*(f"{1000 * cost:.1f}" for cost in outcomes.costs_m))
     console.print(table)
     console.print("* the twin driven by the tool path that the controller reported; nothing real is there to measure")
-    for each in comparisons:
+    for each in replay.steps:
         console.print(f"replay {each.step}: {each.outcome} ({each.detail})")
+    for sentence in replay.lost:
+        console.print(f"replay: {sentence}")
     console.print(f"twin    {folder / 'object.twin'}\nlog     {folder / 'log'}\npicture {picture}", soft_wrap=True)
-    return 0 if all(each.outcome == ReplayOutcome.SAME for each in comparisons) else 1
+    return 0 if not replay.lost and all(each.outcome == ReplayOutcome.SAME for each in replay.steps) else 1
 
 
 if __name__ == "__main__":

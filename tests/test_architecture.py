@@ -147,7 +147,7 @@ def test_module_says_what_it_is_and_is_small(path):
     assert len(text.splitlines()) <= 500
 
 
-@pytest.mark.parametrize("room", [*ROOMS, "replay"])
+@pytest.mark.parametrize("room", ROOMS)
 def test_importing_a_room_loads_neither_torch_nor_ros(room):
     name = "egophys_core.cli.main" if room == "cli" else f"egophys_core.{room}"
     assert not modules_after_importing(name).intersection(HEAVY)

@@ -8,12 +8,20 @@ import pytest
 
 from egophys_core import episode_source
 from egophys_core.episode import Episode
-from egophys_core.episode_source import EpisodeSource, Source, is_video, load_episodes
+from egophys_core.episode_source import EpisodeSource, Source, is_video, load_episodes, require_episode
 from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.identification import episode_digest
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.perceive import Perceived, PerceptionReport
-from egophys_core.recording import SENSOR_QOS, LogWriter, list_topics, read_episode, read_records, write_episode
+from egophys_core.recording import (
+    SENSOR_QOS,
+    LogWriter,
+    inspect_recording,
+    list_topics,
+    read_episode,
+    read_records,
+    write_episode,
+)
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 VIDEO, POINTS = EXAMPLES / "towel_lift_video.mcap", EXAMPLES / "towel_lift_video_points.mcap"
@@ -94,6 +102,21 @@ def test_points_are_taken_unless_there_are_none_or_video_is_asked_for(both, sour
 
 def test_points_under_other_names_count(both):
     assert is_video(both, EpisodeSource(object_topic="/a", controller_topic="/b"))
+
+
+def test_what_an_episode_needs_is_looked_for_before_the_work(both):
+    for path, source in ((both, Source.AUTO), (VIDEO, Source.AUTO), (VIDEO, Source.VIDEO), (POINTS, Source.POINTS)):
+        require_episode(path, inspect_recording(path), EpisodeSource(source=source))
+    hands_alone = [topic for topic in inspect_recording(POINTS) if topic.name == "/controller/points"]
+    for topics, source, reason in (
+        (inspect_recording(POINTS), {"source": Source.VIDEO}, "no images; the recording has /object/points"),
+        (inspect_recording(VIDEO), {"source": Source.POINTS}, "no messages on /object/points; the recording has /ego"),
+        (inspect_recording(POINTS), {"object_topic": "/towel"}, "no messages on /towel; "),
+        (hands_alone, {}, "no messages on /object/points; the recording has /controller/points"),
+        ([], {}, "no messages on /object/points; the recording has no topics at all"),
+    ):
+        with pytest.raises(RecordingError, match=f"bag: {reason}"):
+            require_episode(Path("bag"), topics, EpisodeSource(**source))
 
 
 def test_recorded_points_are_read_as_ever(both, perception):

@@ -56,7 +56,7 @@ def loop(tmp_path_factory) -> Loop:
 
 
 def outcomes(folder: Path) -> dict[str, str]:
-    return {each.step: str(each.outcome) for each in replay_log(folder)}
+    return {each.step: str(each.outcome) for each in replay_log(folder).steps}
 
 
 SAME = {"build": "same", "plan": "same", "prediction": "same"}
@@ -69,6 +69,7 @@ def test_unchanged_log_is_the_same_in_every_step(loop, tmp_path, capsys):
     content = json.loads(capsys.readouterr().out)
     assert [step["outcome"] for step in content["steps"]] == ["same"] * 3
     assert loop.twin.twin_id in content["steps"][0]["detail"]
+    assert content["lost"] == []
 
 
 def moved_point(loop: Loop) -> Loop:
@@ -161,20 +162,76 @@ def test_step_without_its_topic_is_not_recorded(loop, tmp_path, topic, missing):
     folder = write_log(tmp_path / "log", [entry for entry in loop.entries() if entry[0] != topic])
     expected = {step: "not recorded" if step in missing else "same" for step in SAME}
     assert outcomes(folder) == expected
-    # What was not recorded is no finding.
-    assert main(["replay", str(folder)]) == 0
+    # What was not recorded is no finding as long as something was compared.
+    assert main(["replay", str(folder)]) == (0 if len(missing) < 3 else 1)
 
 
-def test_recorder_that_stopped_within_the_training_points_has_no_build(loop, tmp_path):
+def without_build(entries: list[Entry]) -> list[Entry]:
+    """Of a log of plan and prediction alone, which are done again in no time."""
+    return [entry for entry in entries if "/training/" not in entry[0]]
+
+
+def test_training_frames_that_are_missing_are_lost(loop, tmp_path, capsys):
     entries = loop.entries()
-    folder = write_log(tmp_path / "log", entries[:11])
-    steps = {each.step: each for each in replay_log(folder)}
-    assert {each.outcome for each in steps.values()} == {ReplayOutcome.NOT_RECORDED}
+    folder = write_log(tmp_path / "stopped", entries[:11])
+    assert outcomes(folder) == {"build": "lost", "plan": "not recorded", "prediction": "not recorded"}
+    assert main(["replay", str(folder)]) == 1
+    assert "nothing could be compared" in capsys.readouterr().out
     lost = [entry for index, entry in enumerate(entries) if index != 5]
-    steps = {each.step: each for each in replay_log(write_log(tmp_path / "lossy", lost))}
-    assert steps["build"].outcome == ReplayOutcome.NOT_RECORDED
+    steps = {each.step: each for each in replay_log(write_log(tmp_path / "lossy", lost)).steps}
+    assert steps["build"].outcome == ReplayOutcome.LOST
     assert f"the build had {loop.episode.frames} frames" in steps["build"].detail
     assert steps["plan"].outcome == ReplayOutcome.SAME
+    assert main(["replay", str(tmp_path / "lossy")]) == 1
+
+
+def test_first_difference_is_shown_with_both_values(loop, tmp_path, capsys):
+    positions = loop.plan.positions.copy()
+    positions[1, 2] += 1e-6
+    changed = dataclasses.replace(loop, plan=dataclasses.replace(loop.plan, positions=positions))
+    changed = dataclasses.replace(changed_prediction(changed), seed=SEED + 1)
+    folder = write_log(tmp_path / "log", changed.entries())
+    assert main(["replay", str(folder), "--json"]) == 1
+    build, plan, prediction = (step["difference"] for step in json.loads(capsys.readouterr().out)["steps"])
+    assert build["quantity"].startswith("parameters.")
+    assert build["recorded"] != build["replayed"]
+    assert (plan["quantity"], plan["place"], plan["index"], plan["differing"]) == ("positions", "waypoint", 1, 1)
+    assert plan["recorded"] == positions[1].tolist()
+    assert plan["replayed"] == loop.plan.positions[1].tolist()
+    # The plan that is rolled out is the changed one, so every point may differ; the first is named.
+    assert prediction["place"] == "point"
+    assert prediction["recorded"] != prediction["replayed"]
+    assert main(["replay", str(folder)]) == 1
+    shown = capsys.readouterr().out
+    assert "plan: positions, waypoint 1\n" in shown
+    assert f"recorded {' '.join(map(repr, positions[1].tolist()))} m" in shown
+    assert f"replayed {' '.join(map(repr, loop.plan.positions[1].tolist()))} m" in shown
+
+
+def test_log_that_lost_messages_is_a_finding(loop, tmp_path, capsys):
+    folder = write_log(tmp_path / "log", without_build(loop.entries()), lost={"/bridge_node/tool_pose": 12})
+    assert main(["replay", str(folder)]) == 1
+    assert "lost: 12 messages lost on /bridge_node/tool_pose: they did not reach" in capsys.readouterr().out
+    # The file alone says so, too.
+    (file,) = folder.glob("*.mcap")
+    assert main(["replay", str(file), "--json"]) == 1
+    content = json.loads(capsys.readouterr().out)
+    assert [step["outcome"] for step in content["steps"]] == ["not recorded", "same", "same"]
+    (sentence,) = content["lost"]
+    assert sentence.startswith("12 messages lost on /bridge_node/tool_pose")
+    # A recorder that is killed writes no footer; what came since its last flush is not in the log.
+    file.write_bytes(file.read_bytes()[:-8])
+    assert main(["replay", str(file)]) == 1
+    assert "the summary at the end is cut" in capsys.readouterr().out.replace("\n", " ")
+
+
+def test_messages_that_are_no_longer_readable_are_counted(loop, tmp_path):
+    entries = without_build(loop.entries())
+    folder = write_log(tmp_path / "log", entries)
+    less = write_log(tmp_path / "less", [entry for entry in entries if entry[0] != "/mppi_planner_node/plan"])
+    next(less.glob("*.mcap")).replace(folder / "log_0.mcap")
+    (sentence,) = replay_log(folder).lost
+    assert sentence == "1 message lost on /mppi_planner_node/plan: 1 was written, 0 can be read"
 
 
 def made_with(twin, **provenance):
@@ -217,21 +274,31 @@ def test_plan_is_replayed_with_the_twin_it_was_made_with(loop, tmp_path):
 def test_replay_that_fails_is_a_difference_with_the_reason(loop, tmp_path):
     far = loop.episode.controllers + np.float32([0, 0, 2])
     entries = dataclasses.replace(loop, episode=dataclasses.replace(loop.episode, controllers=far)).entries()
-    build = replay_log(write_log(tmp_path / "log", entries))[0]
+    build = replay_log(write_log(tmp_path / "log", entries)).steps[0]
     assert build.outcome == ReplayOutcome.DIFFERENT
     assert "the replay failed" in build.detail
     assert "no hand moves the object" in build.detail
 
 
-def test_nodes_of_other_names_are_found(loop, tmp_path):
-    renamed = [
-        (topic.replace("/twin_node", "/lab/twin").replace("/mppi_planner_node", "/lab/planner"), kind, message)
-        for topic, kind, message in loop.entries()
+def renamed(loop: Loop, twin_node: str, planner_node: str) -> list[Entry]:
+    return [
+        (topic.replace("/twin_node", twin_node).replace("/mppi_planner_node", planner_node), kind, message)
+        for topic, kind, message in without_build(loop.entries())
     ]
-    folder = write_log(tmp_path / "log", renamed)
+
+
+def test_nodes_in_a_namespace_or_of_other_names_are_found(loop, tmp_path, capsys):
+    other = renamed(loop, "/lab/twin", "/lab/planner")
+    folder = write_log(tmp_path / "log", other)
     with pytest.raises(RecordingError, match="no topic of /twin_node or /mppi_planner_node to replay; the log has"):
         replay_log(folder)
     assert main(["replay", str(folder), "--twin-node", "/lab/twin", "--planner-node", "/lab/planner"]) == 0
+    in_namespace = renamed(loop, "/lab/twin_node", "/lab/mppi_planner_node")
+    assert outcomes(write_log(tmp_path / "lab", in_namespace)) == {**SAME, "build": "not recorded"}
+    both = write_log(tmp_path / "both", [*in_namespace, *renamed(loop, "/b/twin_node", "/lab/mppi_planner_node")])
+    assert main(["replay", str(both)]) == 2
+    assert "recorded of /b/twin_node and /lab/twin_node; choose one with --twin-node" in capsys.readouterr().err
+    assert main(["replay", str(both), "--twin-node", "/b/twin_node"]) == 0
 
 
 def test_bag_that_is_no_log_is_bad_input(tmp_path, capsys):

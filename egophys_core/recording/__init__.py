@@ -8,7 +8,9 @@ from egophys_core.recording.episode_reader import (
     read_episode,
 )
 from egophys_core.recording.episode_writer import write_episode
+from egophys_core.recording.inspection import inspect_recording
 from egophys_core.recording.log_writer import LogWriter
+from egophys_core.recording.losses import LostMessages, find_lost
 from egophys_core.recording.message_definitions import (
     MessageDefinition,
     definition_from_folder,
@@ -29,6 +31,7 @@ from egophys_core.recording.pointcloud import (
 )
 from egophys_core.recording.reader import list_topics, read_records
 from egophys_core.recording.records import CutRecordingWarning, Record, TopicInfo
+from egophys_core.recording.stamps import require_steady_stamps
 
 __all__ = [
     "CONTROLLER_TOPIC",
@@ -40,6 +43,7 @@ __all__ = [
     "CutRecordingWarning",
     "EpisodeWarning",
     "LogWriter",
+    "LostMessages",
     "MessageDefinition",
     "PointFrame",
     "Record",
@@ -49,12 +53,15 @@ __all__ = [
     "decode_points",
     "definition_from_folder",
     "encode_points",
+    "find_lost",
+    "inspect_recording",
     "jazzy_types",
     "list_topics",
     "pack_points",
     "points_of_message",
     "read_episode",
     "read_records",
+    "require_steady_stamps",
     "standard_definition",
     "types_of_topics",
     "write_episode",

@@ -4,6 +4,7 @@ Field by field after rosbag2's `rosbag2_storage/yaml.hpp`, `qos.cpp` (policies b
 `SequentialWriter::init_metadata` (an empty bag starts at the largest time there is).
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,9 @@ from egophys_core.errors import RecordingError
 
 METADATA_NAME = "metadata.yaml"
 METADATA_VERSION = 9
+INFORMATION_KEY = "rosbag2_bagfile_information"
+LOST_KEY = "lost_messages"
+"""In `custom_data`, which rosbag2 leaves to its users: JSON of the messages of each topic that the recorder missed."""
 ROS_DISTRO = "jazzy"
 _NO_MESSAGES_START = 2**63 - 1
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
@@ -61,6 +65,7 @@ def bag_information(
     file_name: str,
     topics: Sequence[BagTopic],
     counts: Mapping[str, int],
+    lost: Mapping[str, int],
     start_ns: int | None,
     end_ns: int | None,
 ) -> dict[str, Any]:
@@ -70,6 +75,7 @@ def bag_information(
         file_name: name of the file in the folder.
         topics: every topic of the bag.
         counts: messages of each topic.
+        lost: messages of topics that did not reach the recorder; empty for none.
         start_ns: earliest log time, nanoseconds since the epoch; None while there is no message.
         end_ns: latest log time.
     """
@@ -106,14 +112,14 @@ def bag_information(
                 "message_count": message_count,
             }
         ],
-        "custom_data": None,
+        "custom_data": {LOST_KEY: json.dumps(dict(lost))} if lost else None,
         "ros_distro": ROS_DISTRO,
     }
 
 
 def metadata_text(information: dict[str, Any]) -> str:
     """Content of `metadata.yaml`."""
-    return _yaml({"rosbag2_bagfile_information": information})
+    return _yaml({INFORMATION_KEY: information})
 
 
 def embedded_text(information: dict[str, Any]) -> str:

@@ -65,7 +65,8 @@ def decode_episode(
 ) -> Episode:
     """Make an episode of records already read, for example of a part of a log.
 
-    - Messages are put in order of their header stamps; of several with one stamp the last recorded stays.
+    - Messages up to 1 s late are put in order of their header stamps; of several with one stamp the last recorded
+      stays.
     - Object and controller messages are paired by header stamp, nearest, at most half a frame apart; the
       others are dropped. Times count from the first pair.
     - Points are stacked by id. One that is NaN, infinite or of confidence 0 counts as not seen; an id never
@@ -84,8 +85,8 @@ def decode_episode(
 
     Raises:
         RecordingError: a message is no point cloud with x, y, z and id.
-        EpisodeError: no messages, another frame, no controller left, or what `Episode` refuses (fewer than
-            two frames, millimetres, nothing visible at the start).
+        EpisodeError: no messages, stamps that jump, another frame, no controller left, or what `Episode` refuses
+            (fewer than two frames, millimetres, nothing visible at the start).
     """
     frames: dict[str, list[PointFrame]] = {object_topic: [], controller_topic: []}
     for record in records:

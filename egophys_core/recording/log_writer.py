@@ -55,12 +55,12 @@ class LogWriter:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._counts: Counter[str] = Counter()
+        self._lost: Counter[str] = Counter()
         self._start_ns: int | None = None
         self._end_ns: int | None = None
-        self._unsaved = False
+        self._unsaved = True
         self._waiting_bytes = 0
         self._last_flush = time.monotonic()
-        self._unsaved = True
         self._closed = False
         try:
             self.folder.mkdir(parents=True)
@@ -145,6 +145,16 @@ class LogWriter:
         if is_old or self._waiting_bytes >= self._chunk_bytes:
             self.flush()
 
+    def note_lost(self, topic: str, messages: int) -> None:
+        """Say in the log that so many more messages of a topic did not reach the recorder.
+
+        Raises:
+            RecordingError: the log is closed.
+        """
+        self._require_open()
+        self._lost[topic] += messages
+        self._unsaved = True
+
     def flush(self) -> None:
         """Write what waits as a chunk, sync it to disk, then bring `metadata.yaml` up to date.
 
@@ -202,6 +212,7 @@ class LogWriter:
             file_name=self._file.name,
             topics=list(self._topics.values()),
             counts=self._counts,
+            lost=self._lost,
             start_ns=self._start_ns,
             end_ns=self._end_ns,
         )

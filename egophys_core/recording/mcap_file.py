@@ -23,10 +23,10 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, McapRecord, Metadata, Schema
 
 from egophys_core.errors import RecordingError
-from egophys_core.recording.records import DamagedFileError, Record, TopicTable
+from egophys_core.recording.records import NO_FOOTER, DamagedFileError, Record, TopicTable
 
 MAGIC = b"\x89MCAP0\r\n"
-_RECORD_HEAD = struct.Struct("<BQ")
+RECORD_HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _MESSAGE_INDEX_HEAD = struct.Struct("<HI")
@@ -56,10 +56,10 @@ def read_mcap(path: Path, topics: TopicTable, wanted: Collection[str] | None) ->
         is_first = True
         while True:
             offset = stream.tell()
-            head = stream.read(_RECORD_HEAD.size)
-            if len(head) < _RECORD_HEAD.size:
-                raise DamagedFileError(path, size, "ends without a footer (recorder killed, or file cut)")
-            opcode, length = _RECORD_HEAD.unpack(head)
+            head = stream.read(RECORD_HEAD.size)
+            if len(head) < RECORD_HEAD.size:
+                raise DamagedFileError(path, size, NO_FOOTER)
+            opcode, length = RECORD_HEAD.unpack(head)
             if is_first != (opcode == Opcode.HEADER):
                 raise DamagedFileError(path, offset, f"unexpected record 0x{opcode:02x}")
             payload = stream.read(min(length, size - stream.tell()))
@@ -128,8 +128,8 @@ class _DataSection:
     def _chunk_content(self, offset: int, data: bytes, is_cut: bool) -> Iterator[Record]:
         at = 0
         while at < len(data):
-            body_at = at + _RECORD_HEAD.size
-            opcode, length = _RECORD_HEAD.unpack_from(data, at) if body_at <= len(data) else (0, len(data))
+            body_at = at + RECORD_HEAD.size
+            opcode, length = RECORD_HEAD.unpack_from(data, at) if body_at <= len(data) else (0, len(data))
             if body_at + length > len(data):
                 if is_cut:
                     return
@@ -176,7 +176,7 @@ class _DataSection:
         return schema.name if schema else ""
 
     def _cut(self, offset: int, payload: bytes) -> DamagedFileError:
-        return DamagedFileError(self._path, offset + _RECORD_HEAD.size + len(payload), "cut inside a record")
+        return DamagedFileError(self._path, offset + RECORD_HEAD.size + len(payload), "cut inside a record")
 
     def _parse(self, offset: int, payload: bytes, read: Callable[[ReadDataStream], _ParsedRecord]) -> _ParsedRecord:
         stream = ReadDataStream(BytesIO(payload))

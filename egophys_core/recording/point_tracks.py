@@ -8,6 +8,7 @@ import numpy as np
 
 from egophys_core.interpolation import values_at
 from egophys_core.recording.pointcloud import PointFrame
+from egophys_core.recording.stamps import require_steady_stamps
 
 LONGEST_FILLED_GAP_S = 0.5
 """A controller unseen for longer than this is dropped: half a second of a hand's motion cannot be guessed."""
@@ -18,8 +19,13 @@ class EpisodeWarning(UserWarning):
 
 
 def order_by_stamp(frames: Sequence[PointFrame], label: str) -> list[PointFrame]:
-    """Sort frames by header stamp; of several with one stamp the last recorded stays. Warns of either."""
+    """Sort frames by header stamp; of several with one stamp the last recorded stays. Warns of either.
+
+    Raises:
+        EpisodeError: the stamps are not of one clock that ran through.
+    """
     stamps = [frame.stamp_ns for frame in frames]
+    require_steady_stamps(stamps, label)
     backwards = sum(later < earlier for earlier, later in pairwise(stamps))
     if backwards:
         _warn(f"{label}: {backwards} of {len(frames)} messages are stamped before their predecessor; sorted by stamp")

@@ -9,7 +9,7 @@ import yaml
 
 from egophys_core.errors import RecordingError
 from egophys_core.recording import mcap_file, sqlite_file
-from egophys_core.recording.bag_metadata import METADATA_NAME
+from egophys_core.recording.bag_metadata import INFORMATION_KEY, METADATA_NAME
 from egophys_core.recording.records import (
     CutRecordingWarning,
     DamagedFileError,
@@ -57,7 +57,7 @@ def list_topics(path: Path | str) -> list[TopicInfo]:
 
 def _read(path: Path, table: TopicTable, wanted: Collection[str] | None) -> Iterator[Record]:
     unread: list[DamagedFileError] = []
-    for file in _storage_files(path):
+    for file in storage_files(path):
         before = table.total
         try:
             yield from _storage_reader(file)(file, table, wanted)
@@ -93,7 +93,12 @@ def _storage_reader(path: Path) -> _StorageReader:
     )
 
 
-def _storage_files(path: Path) -> list[Path]:
+def storage_files(path: Path) -> list[Path]:
+    """The files of a bag, in order.
+
+    Raises:
+        RecordingError: there are none, one is missing, or they are packed by rosbag2's own compression.
+    """
     if path.is_dir():
         files = _listed_files(path) or _found_files(path)
         if not files:
@@ -114,7 +119,7 @@ def _listed_files(folder: Path) -> list[Path]:
     if not metadata.is_file():
         return []
     try:
-        information = yaml.safe_load(metadata.read_text("utf-8"))["rosbag2_bagfile_information"]
+        information = yaml.safe_load(metadata.read_text("utf-8"))[INFORMATION_KEY]
         # Bags up to version 3 wrote the folder's name before the file's.
         files = [folder / Path(str(name)).name for name in information["relative_file_paths"]]
         mode = str(information.get("compression_mode") or "none").lower()

@@ -7,6 +7,9 @@ from pathlib import Path
 
 from egophys_core.errors import RecordingError
 
+NO_FOOTER = "ends without a footer (recorder killed, or file cut)"
+"""Why reading ended early where nothing shows that a record is missing."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
@@ -41,6 +44,7 @@ class CutRecordingWarning(UserWarning):
         self.path = path
         self.offset = offset
         """Byte of the damage; None where it is not known (a database)."""
+        self.reason = reason
 
 
 class DamagedFileError(RecordingError):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
@@ -147,11 +148,13 @@ class Loop:
         ]
 
 
-def write_log(folder: Path, entries: list[Entry]) -> Path:
+def write_log(folder: Path, entries: list[Entry], lost: Mapping[str, int] | None = None) -> Path:
     with LogWriter(folder) as log:
         for topic, type_name in dict.fromkeys((topic, type_name) for topic, type_name, _ in entries):
             definition = own_definition(type_name) if type_name in (PLAN, JOB) else standard_definition(type_name)
             log.add_topic(topic, type_name, LATCHED_QOS, definition)
         for index, (topic, _, message) in enumerate(entries):
             log.write(topic, message, 1_000_000_000 + index * 1_000_000)
+        for topic, messages in (lost or {}).items():
+            log.note_lost(topic, messages)
     return folder

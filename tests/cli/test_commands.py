@@ -16,13 +16,11 @@ import pytest
 import egophys_core.cli
 from egophys_core import __version__
 from egophys_core.cli import import_vrs as import_vrs_command
-from egophys_core.cli import replay as replay_command
 from egophys_core.cli.main import SUBCOMMANDS
 from egophys_core.identification import FitOptions, build, coarse
 from egophys_core.plan_file import read_plan
 from egophys_core.recording import read_episode
 from egophys_core.recording.vrs import import_vrs
-from egophys_core.replay import replay_log
 from egophys_core.twin import encode_twin, load_twin, save_twin
 from tests.cli.conftest import FAST_FIT, FAST_PLAN
 
@@ -87,8 +85,6 @@ def test_defaults_that_help_shows_are_those_of_the_library():
         return inspect.signature(function).parameters[name].default
 
     assert default(import_vrs, "camera") == import_vrs_command.CAMERA_LABEL
-    assert default(replay_log, "twin_node") == replay_command.TWIN_NODE
-    assert default(replay_log, "planner_node") == replay_command.PLANNER_NODE
 
 
 def test_help_of_options_shows_range_and_default(egophys):

@@ -114,6 +114,27 @@ def test_messages_out_of_order_are_sorted():
     np.testing.assert_array_equal(episode.points[:, 0, 1], np.arange(30) / 4)
 
 
+@pytest.mark.parametrize("topic", [OBJECT, CONTROLLER])
+@pytest.mark.parametrize(
+    ("jump_s", "until", "reason"),
+    [
+        (710407499, 30, r"jump ahead by 710407499\.033 s from frame 9 \(0\.300 s\) to frame 10 \(710407499\.333 s\)"),
+        (710407499, 11, "jump ahead by 710407499.* cut the recording there"),
+        (11, 30, r"jump ahead by 11\.033 s .*, in one recording at most 10 s ahead; was a clock set"),
+        (-5, 30, r"jump back by 4\.967 s from frame 9 .* to frame 10 \(-4\.667 s\), in one recording at most 1 s back"),
+    ],
+    ids=["for good", "one message", "break", "back"],
+)
+def test_stamps_that_jump_are_one_error(topic, jump_s, until, reason):
+    def stamped(each, frame):
+        shift = jump_s if each.topic == topic and 10 <= frame < until else 0
+        return record(each.topic, frame * FRAME_NS + shift * 10**9, {1: (0.01 * frame, 0, 0)})
+
+    messages = [stamped(each, frame) for some in (objects(), controllers()) for frame, each in enumerate(some)]
+    with pytest.raises(EpisodeError, match=f"test {topic}: the stamps {reason}"):
+        decode_quietly(messages)
+
+
 def test_of_repeated_stamps_the_last_stays():
     again = record(OBJECT, 29 * FRAME_NS, {2: (1, 2, 3)})
     with pytest.warns(EpisodeWarning, match="1 of 31 messages repeat a header stamp"):

@@ -18,8 +18,6 @@ from egophys_ros_common.processes import MESSAGE_TIMEOUT
 from egophys_ros_common.qos import latched
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from lifecycle_msgs.msg import Transition
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
@@ -65,12 +63,6 @@ def execute(client, plan, **fields):
 def position(message):
     point = message.pose.position
     return np.array([point.x, point.y, point.z])
-
-
-def set_parameter(client, name, value):
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    (result,) = client.call(SetParameters, f"{NODE}/set_parameters", request).results
-    return result
 
 
 @pytest.fixture
@@ -266,7 +258,7 @@ def test_a_plan_file_is_executed_and_old_or_foreign_plans_are_not(bridge, client
     assert "made 3600 s ago, at most 300 s" in execute(client, SHORT, age_s=3600.0).result.message
     unstamped = ExecutePlan.Goal(plan=plan_message(SHORT))
     assert "does not say when it was made" in client.act(ExecutePlan, EXECUTE, unstamped).result.message
-    assert set_parameter(client, "max_plan_age_s", 0.0).successful, "it is read for each plan"
+    assert client.set_parameter(NODE, "max_plan_age_s", 0.0).successful, "it is read for each plan"
     assert client.act(ExecutePlan, EXECUTE, unstamped).result.success
 
 
@@ -274,11 +266,11 @@ def test_limits_and_address_are_not_changed_under_way(bridge, client):
     bridge()
     client.start(NODE)
     for name, value in (("max_speed_m_s", 0.1), ("robot_ip", "127.9.9.9"), ("workspace_max_m", [0.5, 0.1, 0.2])):
-        refused = set_parameter(client, name, value)
+        refused = client.set_parameter(NODE, name, value)
         assert not refused.successful
         assert "deactivate first" in refused.reason
     assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
-    assert set_parameter(client, "max_speed_m_s", 0.1).successful
+    assert client.set_parameter(NODE, "max_speed_m_s", 0.1).successful
     assert client.change_state(NODE, Transition.TRANSITION_ACTIVATE)
     assert "speed 0.167 m/s exceeds 0.1 m/s" in execute(client, SHORT).result.message
 

@@ -28,4 +28,6 @@ def test_demo_runs_to_its_end_and_leaves_a_log_that_replays(tmp_path):
     ):
         assert text in ended.stdout.replace("\n", "")
     assert (out / "shapes.png").read_bytes().startswith(b"\x89PNG")
-    assert {each.outcome for each in replay_log(out / "log")} == {ReplayOutcome.SAME}
+    replay = replay_log(out / "log")
+    assert {each.outcome for each in replay.steps} == {ReplayOutcome.SAME}
+    assert replay.lost == ()

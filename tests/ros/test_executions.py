@@ -14,7 +14,15 @@ from rclpy.serialization import serialize_message
 
 from egophys_core.episode_source import EpisodeSource
 from egophys_core.errors import EpisodeError, RecordingError
-from egophys_core.recording import LATCHED_QOS, OBJECT_TOPIC, SENSOR_QOS, LogWriter, standard_definition, write_episode
+from egophys_core.recording import (
+    LATCHED_QOS,
+    OBJECT_TOPIC,
+    SENSOR_QOS,
+    LogWriter,
+    list_topics,
+    standard_definition,
+    write_episode,
+)
 from tests.ros.cloth import cloth_episode
 
 BEGIN_NS = 1_700_000_000_000_000_000
@@ -133,8 +141,8 @@ def test_a_name_in_a_namespace_is_the_recorded_one_or_the_same_at_the_root(tmp_p
     assert [each.name for each in episodes] == ["log_execution_1", "cloth"]
     lab_bag = tmp_path / "lab"
     write_episode(cloth_episode(), lab_bag, object_topic=in_lab.object_topic)
-    assert source_in(lab_bag, in_lab, "/lab") == replace(in_lab, controller_topic="/controller/points")
-    assert topic_in(bag, "/lab/object/points", "/elsewhere") == "/lab/object/points"
+    assert source_in(list_topics(lab_bag), in_lab, "/lab") == replace(in_lab, controller_topic="/controller/points")
+    assert topic_in(list_topics(bag), "/lab/object/points", "/elsewhere") == "/lab/object/points"
 
 
 def test_what_is_no_log_is_refused(tmp_path):

@@ -1,6 +1,7 @@
 """recorder_node as an installed process: latched and streamed topics, replay from the log, kill, refusals."""
 
 import json
+import re
 import resource
 import warnings
 from pathlib import Path
@@ -21,7 +22,7 @@ from std_msgs.msg import String, UInt8MultiArray
 
 from egophys_core.identification import episode_digest
 from egophys_core.planning import grasp_from_points
-from egophys_core.recording import CutRecordingWarning, decode_episode, list_topics, read_records
+from egophys_core.recording import CutRecordingWarning, decode_episode, find_lost, list_topics, read_records
 from egophys_core.replay import ReplayOutcome, replay_log
 from egophys_core.twin import decode_twin
 from tests.ros.cloth import FRAMES, NAME, OPTIONS_JSON, SEED, lifting_plan
@@ -141,7 +142,7 @@ def test_a_log_of_a_build_and_a_prediction_replays(start_twin_node, record, clie
     wait_for_counts(client, dict.fromkeys(TWIN_TOPICS, 1) | TRAINING_COUNTS)
     assert recorder.interrupt() == 0
 
-    outcomes = {each.step: (each.outcome, each.detail) for each in replay_log(folder)}
+    outcomes = {each.step: (each.outcome, each.detail) for each in replay_log(folder).steps}
     assert outcomes["build"][0] == ReplayOutcome.SAME, outcomes["build"]
     assert outcomes["prediction"][0] == ReplayOutcome.SAME, outcomes["prediction"]
 
@@ -234,6 +235,35 @@ def test_a_disk_that_refuses_is_an_error_told_once(start_node, talk, client, tmp
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CutRecordingWarning)
         assert messages(folder, "/words", String)[0].data == "fits"
+
+
+def test_messages_that_a_stalled_recorder_misses_are_counted(record, talk, client, tmp_path):
+    folder, sent = tmp_path / "log", 400
+    publishers = [talk(String, "/sentences", 10) for _ in range(2)]
+    recorder = record(folder, ["/sentences"])
+    for each in publishers:
+        wait_until(lambda each=each: each.get_subscription_count() == 1, 10, "the recorder's subscription")
+    recorder.pause()
+    for index in range(sent):
+        for each in publishers:
+            each.publish(String(data=f"{index} of a sentence that nobody has ears for"))
+    recorder.resume()
+    # One more of each tells that some are missing before it.
+    for each in publishers:
+        each.publish(String(data="last"))
+
+    def all_told(status):
+        """Whether what was written (`12, 788 lost`) and what was lost are all that was sent."""
+        return sum(int(number) for number in re.findall(r"\d+", status.values[0].value)) == 2 * (sent + 1)
+
+    status = client.message(DiagnosticStatus, f"{NODE}/status", all_told, latched())
+    assert "lost" in status.values[0].value
+    assert status.level == DiagnosticStatus.WARN
+    assert "messages were lost before they could be written" in status.message
+    assert recorder.interrupt() == 0
+    (lost,) = find_lost(folder, list_topics(folder))
+    assert lost.topic == "/sentences"
+    assert lost.messages == 2 * (sent + 1) - len(messages(folder, "/sentences", String))
 
 
 @pytest.mark.parametrize(

@@ -127,5 +127,5 @@ def test_a_log_of_a_build_from_video_replays(start_node, start_twin_node, client
     assert episode["perception"]["report"]["posed"] == HELD_FRAMES
     assert episode["perception"]["options"]["object_points"] == 300
     assert recorder.interrupt() == 0
-    outcomes = {each.step: (each.outcome, each.detail) for each in replay_log(folder)}
+    outcomes = {each.step: (each.outcome, each.detail) for each in replay_log(folder).steps}
     assert outcomes["build"][0] == ReplayOutcome.SAME, outcomes["build"]

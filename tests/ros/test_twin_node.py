@@ -22,7 +22,7 @@ from std_msgs.msg import String, UInt8MultiArray
 from std_srvs.srv import Trigger
 
 from egophys_core.planning import final_shapes, grasp_from_points, rollout_plans, shape_costs
-from egophys_core.recording import xyz_of_message
+from egophys_core.recording import read_episode, write_episode, xyz_of_message
 from egophys_core.twin import decode_twin, encode_twin
 from tests.ros.cloth import ENDLESS_JSON, FRAMES, NAME, OPTIONS_JSON, SEED, lifting_plan
 
@@ -102,8 +102,16 @@ class TestWithATwin:
 
     def test_what_cannot_be_built_is_refused_with_the_reason(self, twin_node, client, bag, tmp_path):
         output = tmp_path / "no.twin"
+        (whole,) = bag.glob("*.mcap")
+        cut, hands, nothing = tmp_path / "cut.mcap", tmp_path / "hands", tmp_path / "nothing"
+        nothing.mkdir()
+        cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+        write_episode(read_episode(bag), hands, object_topic="/cloth/points")
         for arguments, reason in (
             ((None, output), "no episode given"),
+            ((cut, output), "cut inside a record (byte"),
+            ((nothing, output), "not a bag, the folder holds no"),
+            ((hands, output), "no messages on /object/points; the recording has /cloth/points"),
             ((tmp_path / "absent", output), "absent: no such recording"),
             ((bag, tmp_path / "absent" / "no.twin"), "does not exist; create it first"),
             ((bag, tmp_path), "it is a folder; give a file name"),
@@ -121,13 +129,13 @@ class TestWithATwin:
         told = client.message(DiagnosticArray, "/diagnostics", lambda each: each.status[0].name == NODE)
         assert "build refused" in told.status[0].message
 
-    def test_a_failed_build_says_why(self, twin_node, client, tmp_path):
-        broken = tmp_path / "broken.mcap"
-        broken.write_bytes(b"no bag")
-        handle = client.send_goal(BuildTwin, f"{NODE}/build", goal(broken, tmp_path / "no.twin"))
+    def test_a_failed_build_says_why(self, twin_node, client, bag, tmp_path):
+        elsewhere = tmp_path / "elsewhere"
+        write_episode(read_episode(bag), elsewhere, frame="camera")
+        handle = client.send_goal(BuildTwin, f"{NODE}/build", goal(elsewhere, tmp_path / "no.twin"))
         ended = client.result(handle)
         assert ended.status == GoalStatus.STATUS_ABORTED
-        assert "not a bag" in ended.result.message
+        assert "the points are in frame 'camera'" in ended.result.message
         assert wait_for_job(client, BuildJob.FAILED).message == ended.result.message
 
     def test_options_are_parameters_with_description_and_range(self, twin_node, client):

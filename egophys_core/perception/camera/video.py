@@ -15,7 +15,7 @@ from rosbags.serde import SerdeError
 from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.perception.camera.image_message import COMPRESSED_IMAGE, IMAGE, decode_image
 from egophys_core.perception.camera.lens import Camera, camera_from_message, require_size
-from egophys_core.recording import TopicInfo, jazzy_types, list_topics, read_records
+from egophys_core.recording import TopicInfo, jazzy_types, list_topics, read_records, require_steady_stamps
 
 IMAGE_TOPIC = "/ego/image_raw/compressed"
 INFO_TOPIC = "/ego/camera_info"
@@ -116,7 +116,7 @@ def open_video(
 
     Raises:
         RecordingError: not a bag, or no image topic.
-        EpisodeError: no images or no intrinsics, or they do not fit each other.
+        EpisodeError: no images or no intrinsics, or they do not fit each other; stamps that jump.
     """
     path = Path(path)
     topics = list_topics(path)
@@ -239,6 +239,7 @@ def _ordered_stamps(scan: _Scan, label: str) -> tuple[np.ndarray, bool]:
     stamps = scan.log_stamps if uses_log_time else scan.header_stamps
     if uses_log_time:
         _warn(f"{label}: all {len(stamps)} header stamps are 0; the recorder's times are used instead")
+    require_steady_stamps(stamps, label)
     dropped = _Dropped()
     ordered = np.array([stamp for stamp, _ in _in_order(((stamp, None) for stamp in stamps), dropped)], np.int64)
     if dropped.moved:

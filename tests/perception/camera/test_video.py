@@ -169,6 +169,11 @@ def test_frames_that_are_far_too_late_are_dropped(tmp_path):
     assert len(video) == 20
 
 
+def test_stamps_that_jump_are_one_error_before_any_work(tmp_path):
+    with pytest.raises(EpisodeError, match=r"/ego/image_raw/compressed: the stamps jump ahead by .* from frame 2 "):
+        open_video(bag_of(tmp_path / "a.mcap", [0, 1, 2, 900, 901]))
+
+
 def test_repeated_stamps_keep_the_first(tmp_path):
     path = bag_of(tmp_path / "a.mcap", [0, 1, 1, 2, 2, 2, 3])
     with pytest.warns(VideoWarning, match="3 of 7 images repeat a stamp"):

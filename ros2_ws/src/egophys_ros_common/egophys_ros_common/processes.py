@@ -110,12 +110,6 @@ class NodeProcess:
         self._process.stdin.write(f"{line}\n".encode())
         self._process.stdin.flush()
 
-    def freeze(self, seconds: float) -> None:
-        """Let it stand still for a while, as on a machine that hangs."""
-        self._process.send_signal(signal.SIGSTOP)
-        time.sleep(seconds)
-        self._process.send_signal(signal.SIGCONT)
-
     def interrupt(self) -> int:
         """Ctrl-C, as a person or launch would; the exit code."""
         return self._end(signal.SIGINT)
@@ -127,6 +121,14 @@ class NodeProcess:
     def kill(self) -> None:
         """SIGKILL: the process cannot tidy up."""
         self._end(signal.SIGKILL)
+
+    def pause(self) -> None:
+        """Hang: it stays connected and does nothing until `resume`."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def resume(self) -> None:
+        """Go on where `pause` stopped it."""
+        self._process.send_signal(signal.SIGCONT)
 
     def wait_for_end(self, timeout: float = APPEAR_TIMEOUT) -> int:
         """Wait until it ends by itself; the exit code."""

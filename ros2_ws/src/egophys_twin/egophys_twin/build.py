@@ -7,6 +7,7 @@ from pathlib import Path
 from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, LoadedEpisode, is_video
 from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, Progress, build
+from egophys_core.recording import list_topics
 from egophys_core.twin import Twin, save_twin
 from egophys_twin.recorded_topics import source_in
 from egophys_twin.recordings import loads_by_name, recorded_episodes, require_loads, require_recordings
@@ -34,11 +35,11 @@ class BuildRequest:
         """Look whether the build can start at all.
 
         Raises:
-            RecordingError: no recording given, or one does not exist.
+            RecordingError: no recording given, or one does not exist, is cut or damaged, or lacks a topic.
             OptionsError: not one load a recording, or one that is none.
             OutputError: the twin cannot be written where it is asked for.
         """
-        require_recordings(self.episode_paths)
+        require_recordings(self.episode_paths, self.source, namespace=self.namespace)
         require_loads(self.loads, self.episode_paths)
         require_writable(self.output_path)
 
@@ -70,7 +71,7 @@ def run_build(
     Raises:
         EgophysError: a recording, the fit or the file failed.
     """
-    sources = [source_in(path, request.source, request.namespace) for path in request.episode_paths]
+    sources = [source_in(list_topics(path), request.source, request.namespace) for path in request.episode_paths]
     some_perceived = any(is_video(*each) for each in zip(request.episode_paths, sources, strict=True))
     perceiving = PERCEPTION_SHARE if some_perceived else 0.0
     loaded = recorded_episodes(

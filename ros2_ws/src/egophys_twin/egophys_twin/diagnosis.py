@@ -39,11 +39,13 @@ class DiagnosisRequest:
         """Look whether the diagnosis can start at all.
 
         Raises:
-            RecordingError: no recording given, or one does not exist.
+            RecordingError: no recording given, or one does not exist, is cut or damaged, or lacks a topic.
             OptionsError: not one load a recording, or one that is none.
             OutputError: the folder has something in it, or cannot be made.
         """
-        require_recordings(self.episode_paths)
+        require_recordings(
+            self.episode_paths, self.source, namespace=self.namespace, executed_topic=self.executed_topic
+        )
         require_loads(self.loads, self.episode_paths)
         require_new_folder(self.output_folder)
 

@@ -21,6 +21,7 @@ from egophys_core.recording import (
     encode_points,
     list_topics,
     read_records,
+    require_steady_stamps,
     types_of_topics,
 )
 from egophys_core.waypoint_plan import NANOSECONDS
@@ -79,7 +80,8 @@ def execution_episodes(
 
     Raises:
         RecordingError: not a log, or a message is not readable.
-        EpisodeError: no object points were recorded while a plan was executed, or they form no episode.
+        EpisodeError: no object points were recorded while a plan was executed, or they form no episode; stamps that
+            jump.
         PlanningError: there are no points in `grasp`.
     """
     held = grasp_from_points(grasp)
@@ -130,13 +132,14 @@ def _hand_record(stamp_ns: int, points: np.ndarray) -> Record:
 
 def _tool_paths(path: Path, topic: str) -> Sequence[ToolPath]:
     types = types_of_topics([each for each in list_topics(path) if each.name == topic])
-    found = []
+    found: list[ToolPath] = []
     for record in read_records(path, (topic,)):
         try:
             message: Any = types.deserialize_cdr(record.cdr, record.type)
         except SerdeError as error:
             raise RecordingError(f"{path}: a message on {topic} is not readable: {error}") from error
         stamps = [each.header.stamp.sec * NANOSECONDS + each.header.stamp.nanosec for each in message.poses]
+        require_steady_stamps(stamps, f"{path} {topic}, plan {len(found) + 1}")
         places = [each.pose for each in message.poses]
         found.append(
             ToolPath(

@@ -4,37 +4,30 @@ A recording made beside the node has the node's full names (`/lab/object/points`
 (`/object/points`). Imports no ROS.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from egophys_core.episode_source import EpisodeSource
-from egophys_core.recording import list_topics
+from egophys_core.recording import TopicInfo
 
 
-def topic_in(path: Path, name: str, namespace: str) -> str:
+def topic_in(topics: Sequence[TopicInfo], name: str, namespace: str) -> str:
     """The name if the recording has such messages, else the same without the namespace if it has those.
 
     Args:
-        path: a bag or a log.
+        topics: of a bag or a log (`list_topics`).
         name: full name of a topic.
         namespace: of the node that was told the name, `/` for none.
-
-    Raises:
-        RecordingError: not a bag.
     """
     at_root = name.removeprefix(namespace.rstrip("/"))
-    recorded = {topic.name for topic in list_topics(path) if topic.messages}
+    recorded = {topic.name for topic in topics if topic.messages}
     return at_root if at_root in recorded and name not in recorded else name
 
 
-def source_in(path: Path, source: EpisodeSource, namespace: str) -> EpisodeSource:
-    """The source with the names that its topics have in a recording.
-
-    Raises:
-        RecordingError: not a bag.
-    """
+def source_in(topics: Sequence[TopicInfo], source: EpisodeSource, namespace: str) -> EpisodeSource:
+    """The source with the names that its topics have in a recording, of which `topics` are those."""
     return replace(
         source,
-        object_topic=topic_in(path, source.object_topic, namespace),
-        controller_topic=topic_in(path, source.controller_topic, namespace),
+        object_topic=topic_in(topics, source.object_topic, namespace),
+        controller_topic=topic_in(topics, source.controller_topic, namespace),
     )

@@ -7,23 +7,39 @@ from pathlib import Path
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.episode_source import EpisodeSource, LoadedEpisode, load_episodes
+from egophys_core.episode_source import EpisodeSource, LoadedEpisode, load_episodes, require_episode, require_topic
 from egophys_core.errors import OptionsError, RecordingError
+from egophys_core.recording import inspect_recording, list_topics
 from egophys_twin.executions import execution_episodes, has_executions
 from egophys_twin.recorded_topics import source_in, topic_in
 
 
-def require_recordings(paths: Sequence[Path]) -> None:
-    """Check that there are recordings.
+def require_recordings(
+    paths: Sequence[Path], source: EpisodeSource, *, namespace: str, executed_topic: str | None = None
+) -> None:
+    """Check that there are recordings, whole and with the topics that episodes are made from.
+
+    Args:
+        paths: bags and logs.
+        source: how recordings become episodes.
+        namespace: of the names of topics, see `recorded_topics`.
+        executed_topic: topic of the paths that were executed, in logs that show these; None where they do not count.
 
     Raises:
-        RecordingError: none is given, or one does not exist.
+        RecordingError: none is given, or one does not exist, is cut or damaged, or lacks a topic.
     """
     if not paths:
         raise RecordingError("no episode given; name at least one recording in episode_paths")
     for path in paths:
         if not path.exists():
             raise RecordingError(f"{path}: no such recording on the machine of the twin node")
+        topics = inspect_recording(path)
+        here = source_in(topics, source, namespace)
+        executed = executed_topic and topic_in(topics, executed_topic, namespace)
+        if any(topic.name == executed and topic.messages for topic in topics):
+            require_topic(path, topics, here.object_topic)
+        else:
+            require_episode(path, topics, here)
 
 
 def require_loads(loads: Sequence[float], paths: Sequence[Path]) -> None:
@@ -92,8 +108,9 @@ def observed_episodes(
     """
     episodes: list[Episode] = []
     for index, path in enumerate(paths):
-        here = source_in(path, source, namespace)
-        executed = topic_in(path, executed_topic, namespace)
+        topics = list_topics(path)
+        here = source_in(topics, source, namespace)
+        executed = topic_in(topics, executed_topic, namespace)
         if has_executions(path, executed):
             progress(f"read {path.name}", index / len(paths))
             episodes += execution_episodes(

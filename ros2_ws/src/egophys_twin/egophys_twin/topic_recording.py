@@ -6,6 +6,7 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
+from rclpy.event_handler import QoSMessageLostInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -54,6 +55,7 @@ class TopicRecording:
         self._log = LogWriter(folder, flush_interval_s=flush_interval_s)
         self._subscriptions: dict[str, Subscription] = {}
         self._counts: Counter[str] = Counter()
+        self._lost: Counter[str] = Counter()
         self._states = dict.fromkeys(topics, WAITING)
         self._stopped = ""
         self._refused: list[str] = []
@@ -73,8 +75,12 @@ class TopicRecording:
         self._log.close()
 
     def states(self) -> dict[str, str]:
-        """Per topic the number of messages written, or why there are none."""
-        return self._states | {topic: str(self._counts[topic]) for topic in self._subscriptions}
+        """Per topic the number of messages written and of those lost, or why there are none."""
+        return self._states | {topic: self._written(topic) for topic in self._subscriptions}
+
+    def _written(self, topic: str) -> str:
+        lost = f", {self._lost[topic]} lost" if self._lost[topic] else ""
+        return f"{self._counts[topic]}{lost}"
 
     def fault(self) -> str:
         """What is not recorded though it is published, and why; empty if nothing."""
@@ -101,7 +107,12 @@ class TopicRecording:
         kind = message_class(types[0])
         self._log.add_topic(topic, types[0], qos, message_definition(types[0]))
         self._subscriptions[topic] = self._node.create_subscription(
-            kind, topic, partial(self._write, topic), subscription_qos(qos), raw=True
+            kind,
+            topic,
+            partial(self._write, topic),
+            subscription_qos(qos),
+            event_callbacks=SubscriptionEventCallbacks(message_lost=partial(self._note_lost, topic)),
+            raw=True,
         )
 
     def _write(self, topic: str, cdr: bytes, info: dict[str, int]) -> None:
@@ -112,6 +123,18 @@ class TopicRecording:
             self._counts[topic] += 1
         except RecordingError as error:
             self._on_failure(STOPPED, error)
+
+    def _note_lost(self, topic: str, info: QoSMessageLostInfo) -> None:
+        # Messages carry numbers, but rclpy does not tell of which publisher; the middleware counts for each of them.
+        is_first = not self._lost[topic]
+        self._lost[topic] += info.total_count_change
+        try:
+            self._log.note_lost(topic, info.total_count_change)
+        except RecordingError as error:
+            self._on_failure("recording stopped", error)
+        if is_first:
+            what = f"{topic}: messages were lost before they could be written; the machine or the network is too slow"
+            self._on_failure("the log is not complete", RecordingError(what))
 
     def _flush(self) -> None:
         try:

@@ -16,10 +16,12 @@ from egophys_core.identification import FitOptions, build
 from egophys_core.options import from_mapping
 from egophys_core.planning import (
     PlanOptions,
+    Start,
     final_shapes,
     grasp_from_points,
     plan_to_target,
     rollout_plans,
+    start_of_twin,
     twin_costs,
 )
 from egophys_core.recording import (
@@ -116,6 +118,10 @@ class _Log:
         except SerdeError as error:
             raise RecordingError(f"{self.path}: a message on {record.topic} is not readable: {error}") from error
 
+    def points(self, record: Record) -> np.ndarray:
+        """[P, 3] float32 metres of a PointCloud2."""
+        return xyz_of_message(self.decode(record), source=f"{self.path} {record.topic}")
+
     def decode_json(self, record: Record, required: Sequence[str]) -> dict[str, Any]:
         """The JSON object in a std_msgs/String, which must have the `required` keys."""
         text = self.decode(record).data
@@ -187,13 +193,17 @@ def _replay_plan(log: _Log, twin_node: str, planner_node: str, progress: Progres
     twin = _twin_with_id(log, twin_node, described["twin_id"])
     if twin is None:
         return _not_recorded("plan", f"the log has no model of twin {described['twin_id']}, which it was planned with")
-    shape = xyz_of_message(log.decode(target), source=f"{log.path} {target.topic}")
+    shape = log.points(target)
+    # Logs of earlier versions have no start: plans began where the twin was built.
+    nodes = log.last(f"{planner_node}/start")
+    grasp = np.array(described.get("grasp_m", twin.grasp), np.float32).reshape(-1, 3)
+    start = Start(nodes=log.points(nodes), grasp=grasp) if nodes else start_of_twin(twin)
     recorded = plan_of_message(log.decode(plan))
 
     def work() -> tuple[bool, str]:
         replayed, _ = plan_to_target(
-            lambda plans: twin_costs(twin, plans, shape),
-            grasp_from_points(twin.grasp),
+            lambda plans: twin_costs(twin, plans, shape, start=start),
+            grasp_from_points(start.grasp),
             from_mapping(PlanOptions, described["options"]),
             seed=described["seed"],
             twin_id=twin.twin_id,
@@ -213,10 +223,14 @@ def _replay_prediction(log: _Log, twin_node: str) -> Comparison:
     predicted = plan_of_message(log.decode(plan))
     # A diagnosis may have published a newer version since.
     twin = _twin_with_id(log, twin_node, predicted.twin_id) or _twin(log, model)
-    recorded = xyz_of_message(log.decode(points), source=f"{log.path} {points.topic}")
+    recorded = log.points(points)
+    nodes, grasp = (log.last(f"{twin_node}/predicted/{name}") for name in ("start", "grasp"))
+    start = start_of_twin(twin)
+    if nodes and grasp:
+        start = Start(nodes=log.points(nodes), grasp=log.points(grasp))
 
     def work() -> tuple[bool, str]:
-        shape = final_shapes(twin, rollout_plans(twin, [predicted]))[0]
+        shape = final_shapes(twin, rollout_plans(twin, [predicted], start=start))[0]
         if shape.shape != recorded.shape:
             return False, f"{len(recorded)} points recorded, {len(shape)} replayed"
         largest = float(np.abs(shape - recorded).max())

@@ -3,14 +3,23 @@
 from egophys_core.observation.contact import Contact, Hand, contact_flags, find_hands
 from egophys_core.observation.observed import AnyEpisode, ObservedEpisode, observe_episode, observe_episodes
 from egophys_core.observation.placing import place_model, place_twin
+from egophys_core.observation.present import (
+    BoundPoints,
+    SeenObject,
+    present_nodes,
+    require_at_rest,
+    with_new_points,
+)
 from egophys_core.observation.problem import FitProblem, prepare
 
 __all__ = [
     "AnyEpisode",
+    "BoundPoints",
     "Contact",
     "FitProblem",
     "Hand",
     "ObservedEpisode",
+    "SeenObject",
     "contact_flags",
     "find_hands",
     "observe_episode",
@@ -18,4 +27,7 @@ __all__ = [
     "place_model",
     "place_twin",
     "prepare",
+    "present_nodes",
+    "require_at_rest",
+    "with_new_points",
 ]

@@ -9,13 +9,17 @@ if TYPE_CHECKING:
     from egophys_core.planning.forward import final_shapes, rollout_plans, shape_costs, twin_costs
     from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
     from egophys_core.planning.mppi import ForwardModel, plan_to_target
-    from egophys_core.planning.target import TargetText, parse_target, target_points
+    from egophys_core.planning.start import Start, carried_start, start_of_twin
+    from egophys_core.planning.target import TargetText, check_target, parse_target, target_points
 
 __all__ = [
     "ForwardModel",
     "Grasp",
     "PlanOptions",
+    "Start",
     "TargetText",
+    "carried_start",
+    "check_target",
     "controls_of_plan",
     "final_shapes",
     "grasp_from_points",
@@ -23,8 +27,9 @@ __all__ = [
     "plan_to_target",
     "rollout_plans",
     "shape_costs",
+    "start_of_twin",
     "target_points",
     "twin_costs",
 ]
 
-__getattr__ = names_on_demand(__name__, "forward", "grasp", "mppi", "target")
+__getattr__ = names_on_demand(__name__, "forward", "grasp", "mppi", "start", "target")

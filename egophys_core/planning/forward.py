@@ -6,28 +6,34 @@ import numpy as np
 
 from egophys_core.errors import PlanningError
 from egophys_core.evaluation import two_way_chamfer
-from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
+from egophys_core.planning.grasp import controls_of_plan, grasp_from_points
+from egophys_core.planning.start import Start, require_start, start_of_twin
 from egophys_core.simulation import Rollout, batch_of_models, rollout
 from egophys_core.twin import Twin
 from egophys_core.waypoint_plan import WaypointPlan
 
 
-def rollout_plans(twin: Twin, plans: Sequence[WaypointPlan], *, grasp: Grasp | None = None) -> Rollout:
+def rollout_plans(twin: Twin, plans: Sequence[WaypointPlan], *, start: Start | None = None) -> Rollout:
     """Roll out the twin from rest under several plans at once.
 
     The plans must close the gripper at the same time and last equally long, so that they share frames.
 
     Args:
-        grasp: how the tool holds the object; by default as the hand did in the twin's episode.
+        start: where the object lies and is held; by default as the twin was built.
 
     Raises:
-        PlanningError, SimulationError: a plan cannot be simulated.
+        PlanningError, SimulationError: a plan cannot be simulated, or not from this start.
     """
     if not plans:
         raise PlanningError("no plan to roll out")
-    grasp = grasp or grasp_from_points(twin.grasp)
+    start = start or start_of_twin(twin)
+    require_start(start, twin)
+    grasp = grasp_from_points(start.grasp)
     controls = [controls_of_plan(plan, grasp) for plan in plans]
-    return rollout(batch_of_models([twin.model] * len(plans), controls, ground_height=twin.ground_height))
+    count = len(plans)
+    return rollout(
+        batch_of_models([twin.model] * count, controls, starts=[start.nodes] * count, ground_height=twin.ground_height)
+    )
 
 
 def final_shapes(twin: Twin, result: Rollout) -> np.ndarray:
@@ -35,9 +41,11 @@ def final_shapes(twin: Twin, result: Rollout) -> np.ndarray:
     return result.positions[:, -1][:, twin.model.graph.surface]
 
 
-def twin_costs(twin: Twin, plans: Sequence[WaypointPlan], target: np.ndarray) -> np.ndarray:
+def twin_costs(
+    twin: Twin, plans: Sequence[WaypointPlan], target: np.ndarray, *, start: Start | None = None
+) -> np.ndarray:
     """[K] metres: what the plans cost for a target shape [P, 3], by `shape_costs` of the rolled-out ends."""
-    return shape_costs(final_shapes(twin, rollout_plans(twin, plans)), target)
+    return shape_costs(final_shapes(twin, rollout_plans(twin, plans, start=start)), target)
 
 
 def shape_costs(shapes: np.ndarray, target: np.ndarray) -> np.ndarray:

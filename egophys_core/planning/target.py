@@ -77,21 +77,30 @@ def target_points(target: TargetText, present: np.ndarray, *, object_topic: str 
         RecordingError, TwinError: the bag or twin cannot be read.
     """
     points = present if target.source == PRESENT else _read(target.source, object_topic)
-    _require_shape(points, target.source)
+    name = f"target {target.source}"
+    check_target(points, present, name)
     points = points[:: -(-len(points) // MOST_POINTS)].astype(np.float64)
-    centre = points.mean(axis=0)
-    turned = Rotation.from_euler("xyz", target.rotate, degrees=True).apply(points - centre)
-    moved = turned + centre + np.array(target.translate)
-    require_near(moved, present, f"target {target.source}")
+    if any(target.rotate):
+        centre = points.mean(axis=0)
+        points = Rotation.from_euler("xyz", target.rotate, degrees=True).apply(points - centre) + centre
+    moved = points + np.array(target.translate)
+    check_target(moved, present, name)
     return moved.astype(np.float32)
 
 
-def require_near(points: np.ndarray, present: np.ndarray, name: str) -> None:
-    """Check that a target [P, 3] can be this object [S, 3], both metres.
+def check_target(points: np.ndarray, present: np.ndarray, name: str) -> None:
+    """Check that points [P, 3] can be a shape of the object that is at [S, 3], both metres.
 
     Raises:
-        PlanningError: it is metres across, or metres away.
+        PlanningError: there are none, they are not finite, or they are metres across or metres away.
     """
+    if len(points) == 0:
+        raise PlanningError(f"{name} has no points")
+    broken = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(broken):
+        raise PlanningError(
+            f"{name}: {len(broken)} of {len(points)} points are not finite, point {broken[0]} the first; leave them out"
+        )
     extent = float(np.linalg.norm(np.ptp(points, axis=0)))
     apart = float(np.linalg.norm(points.mean(axis=0) - present.mean(axis=0)))
     for value, what in ((extent, "across"), (apart, "from the object")):
@@ -100,17 +109,6 @@ def require_near(points: np.ndarray, present: np.ndarray, name: str) -> None:
                 f"{name} is {value:.3g} m {what}, more than {FARTHEST_M:g} m; points must be in metres, in frame "
                 f"{WORLD_FRAME}: divide millimetres by 1000, or transform them"
             )
-
-
-def _require_shape(points: np.ndarray, name: str) -> None:
-    if len(points) == 0:
-        raise PlanningError(f"target {name} has no points")
-    broken = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if len(broken):
-        raise PlanningError(
-            f"target {name}: {len(broken)} of {len(points)} points are not finite, point {broken[0]} the first; "
-            "leave them out"
-        )
 
 
 def _read(source: str, object_topic: str) -> np.ndarray:

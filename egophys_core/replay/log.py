@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rosbags.serde import SerdeError
 
 from egophys_core.errors import RecordingError
@@ -16,6 +17,7 @@ from egophys_core.recording import (
     list_topics,
     read_records,
     types_of_topics,
+    xyz_of_message,
 )
 from egophys_core.twin import Twin, decode_twin
 
@@ -76,6 +78,10 @@ class ReplayedLog:
             return self._types.deserialize_cdr(record.cdr, record.type)
         except SerdeError as error:
             raise RecordingError(f"{self.path}: a message on {record.topic} is not readable: {error}") from error
+
+    def points(self, record: Record) -> np.ndarray:
+        """[P, 3] float32 metres of a PointCloud2."""
+        return xyz_of_message(self.decode(record), source=f"{self.path} {record.topic}")
 
     def decode_json(self, record: Record, required: Sequence[str]) -> dict[str, Any]:
         """The JSON object in a std_msgs/String, which must have the `required` keys.

@@ -13,13 +13,15 @@ from egophys_core.identification import FitOptions, build
 from egophys_core.options import from_mapping
 from egophys_core.planning import (
     PlanOptions,
+    Start,
     final_shapes,
     grasp_from_points,
     plan_to_target,
     rollout_plans,
+    start_of_twin,
     twin_costs,
 )
-from egophys_core.recording import decode_episode, xyz_of_message
+from egophys_core.recording import decode_episode
 from egophys_core.replay.difference import Difference, difference_of_arrays, difference_of_plans, difference_of_twins
 from egophys_core.replay.log import ReplayedLog
 from egophys_core.twin import Twin, encode_twin
@@ -114,13 +116,17 @@ def replay_plan(log: ReplayedLog, progress: Progress) -> Comparison:
     twin = log.twin_with_id(described["twin_id"])
     if twin is None:
         return _not_recorded("plan", f"the log has no model of twin {described['twin_id']}, which it was planned with")
-    shape = xyz_of_message(log.decode(target), source=f"{log.path} {target.topic}")
+    shape = log.points(target)
+    # Logs of earlier versions have no start: plans began where the twin was built.
+    nodes = log.last(f"{log.planner_node}/start")
+    grasp = np.array(described.get("grasp_m", twin.grasp), np.float32).reshape(-1, 3)
+    start = Start(nodes=log.points(nodes), grasp=grasp) if nodes else start_of_twin(twin)
     recorded = plan_of_message(log.decode(plan))
 
     def work() -> tuple[bool, str, Difference | None]:
         replayed, _ = plan_to_target(
-            lambda plans: twin_costs(twin, plans, shape),
-            grasp_from_points(twin.grasp),
+            lambda plans: twin_costs(twin, plans, shape, start=start),
+            grasp_from_points(start.grasp),
             from_mapping(PlanOptions, described["options"]),
             seed=described["seed"],
             twin_id=twin.twin_id,
@@ -144,10 +150,14 @@ def replay_prediction(log: ReplayedLog) -> Comparison:
     predicted = plan_of_message(log.decode(plan))
     # A diagnosis may have published a newer version since.
     twin = log.twin_with_id(predicted.twin_id) or log.decode_twin(model)
-    recorded = xyz_of_message(log.decode(points), source=f"{log.path} {points.topic}")
+    recorded = log.points(points)
+    nodes, grasp = (log.last(f"{log.twin_node}/predicted/{name}") for name in ("start", "grasp"))
+    start = start_of_twin(twin)
+    if nodes and grasp:
+        start = Start(nodes=log.points(nodes), grasp=log.points(grasp))
 
     def work() -> tuple[bool, str, Difference | None]:
-        shape = final_shapes(twin, rollout_plans(twin, [predicted]))[0]
+        shape = final_shapes(twin, rollout_plans(twin, [predicted], start=start))[0]
         difference = difference_of_arrays(recorded, shape, "positions", "point", "m")
         if difference is None:
             return True, f"largest difference 0 m over {len(shape)} points", None

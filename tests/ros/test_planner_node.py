@@ -1,6 +1,7 @@
 """mppi_planner_node and twin_node as installed processes: plan, cancel, refuse, lose the twin node."""
 
 import json
+import re
 import threading
 from functools import partial
 
@@ -12,7 +13,7 @@ from egophys_msgs.action import PlanToTarget
 from egophys_msgs.msg import BuildJob, WaypointPlan
 from egophys_msgs.srv import RebuildTwin
 from egophys_ros_common.conversions import plan_message, points_message
-from egophys_ros_common.processes import MESSAGE_TIMEOUT, wait_until
+from egophys_ros_common.processes import MESSAGE_TIMEOUT
 from egophys_ros_common.qos import latched
 from nav_msgs.msg import Path
 from sensor_msgs.msg import PointCloud2
@@ -95,6 +96,8 @@ class TestPlanning:
         assert handle.accepted
         ended = client.result(handle)
         assert ended.status == GoalStatus.STATUS_SUCCEEDED, ended.result.message
+        assert (ended.result.success, ended.result.reached, ended.result.start) == (True, True, "twin")
+        assert "begins at twin (the object has not been seen: no message on /object/points" in ended.result.message
         plan = ended.result.plan
         assert plan.predicted_cost < 0.85 * ended.result.initial_cost
         assert [each.iteration for each in seen] == [1, 2, 3, 4]
@@ -117,28 +120,64 @@ class TestPlanning:
         assert (problem["seed"], problem["twin_id"]) == (SEED, twin.twin_id)
         assert problem["options"]["waypoints"] == 2
         np.testing.assert_array_equal(xyz_of_message(latest(PointCloud2, f"{NODE}/target"), source=""), target)
+        start = xyz_of_message(latest(PointCloud2, f"{NODE}/start"), source="")
+        np.testing.assert_array_equal(start, twin.model.graph.positions)
+        np.testing.assert_array_equal(np.float32(problem["grasp_m"]), twin.grasp)
+
+    def test_a_target_as_text_is_the_same_as_its_points(self, planner, client, target, tmp_path):
+        np.save(tmp_path / "a target.npy", target)
+        asked = PlanToTarget.Goal(target_source=str(tmp_path / "a target.npy"), seed=SEED, options_json=OPTIONS_JSON)
+        one = client.result(client.send_goal(PlanToTarget, PLAN, asked)).result
+        other = client.result(client.send_goal(PlanToTarget, PLAN, goal(target))).result
+        assert one.success, one.message
+        assert one.plan.poses == other.plan.poses
+
+    def test_a_plan_that_does_not_reach_its_target_is_no_success(self, planner, client, target):
+        before = client.message(WaypointPlan, f"{NODE}/plan", qos=latched())
+        far = goal(target + np.float32([0, 0, 1.0]))
+        ended = client.result(client.send_goal(PlanToTarget, PLAN, far))
+        assert ended.status == GoalStatus.STATUS_ABORTED
+        assert (ended.result.success, ended.result.reached) == (False, False)
+        assert re.search(
+            r"the best plan ends \d+.\d mm from it, tolerated are 30.0 mm \(\d+.\d mm without", ended.result.message
+        )
+        assert len(ended.result.plan.poses) > 2
+        assert client.message(WaypointPlan, f"{NODE}/plan", qos=latched()) == before
+        far.tolerance_m = 1.0
+        ended = client.result(client.send_goal(PlanToTarget, PLAN, far))
+        assert (ended.status, ended.result.reached) == (GoalStatus.STATUS_SUCCEEDED, True)
 
     def test_one_goal_at_a_time_and_it_can_be_canceled(self, planner, client, target):
         handle = start_endless(client, target)
-        assert not client.send_goal(PlanToTarget, PLAN, goal(target)).accepted
+        refused = client.result(client.send_goal(PlanToTarget, PLAN, goal(target)))
+        assert "another goal is being planned" in refused.result.message
         client.cancel(handle)
         ended = client.result(handle, timeout=10)
         assert ended.status == GoalStatus.STATUS_CANCELED
         assert "canceled" in ended.result.message
         assert client.result(client.send_goal(PlanToTarget, PLAN, goal(target))).result.success
 
-    def test_goals_that_make_no_sense_are_rejected(self, planner, client, target):
+    def test_goals_that_make_no_sense_are_aborted_with_the_reason(self, planner, client, target):
         other = points_message(target, ids=np.arange(len(target)))
         other.header.frame_id = "camera"
         for illegal, reason in (
             (goal(target, twin_id="0123456789abcdef"), "twin 0123456789abcdef is not in use"),
             (goal(target, '{"iteration": 3}'), "did you mean 'iterations'?"),
             (goal(target, '{"low_m": [0, 0]}'), "low_m must be 3 numbers, got [0, 0]"),
-            (goal(target[:0]), "the target has no points"),
+            (goal(target[:0]), "the goal has no target"),
+            (goal(1000 * target), "points must be in metres"),
+            (goal(np.full_like(target, np.nan)), "36 of 36 points are not finite"),
             (PlanToTarget.Goal(target=other), "the points are in frame 'camera'"),
+            (PlanToTarget.Goal(target_source="no.ply"), "cannot read target no.ply"),
+            (PlanToTarget.Goal(target_source="present translat=0,0,1"), "unknown edit translat="),
+            (PlanToTarget.Goal(target_source="present rotate=0,0,9", start="there"), "start must be present, twin or"),
+            (PlanToTarget.Goal(target_source="present rotate=0,0,9", start="present"), "the object has not been seen"),
+            (PlanToTarget.Goal(target_source="present rotate=0,0,9", tolerance_m=-1.0), "tolerance_m must be in"),
         ):
-            assert not client.send_goal(PlanToTarget, PLAN, illegal).accepted
-            assert reason in planner.output
+            ended = client.result(client.send_goal(PlanToTarget, PLAN, illegal))
+            assert ended.status == GoalStatus.STATUS_ABORTED
+            assert not ended.result.success
+            assert reason in ended.result.message
         ended = client.result(client.send_goal(PlanToTarget, PLAN, goal(target, '{"low_m": [0.19, 0.39, 0.49]}')))
         assert ended.status == GoalStatus.STATUS_ABORTED
         assert "outside the tool's box" in ended.result.message
@@ -177,8 +216,8 @@ def test_a_plan_fails_clearly_when_the_twin_changes_or_goes(
     assert "rollout service /twin_node/rollout" in ended.result.message
 
 
-def test_without_a_twin_a_goal_is_rejected_with_the_reason(start_node, client, target):
+def test_without_a_twin_a_goal_is_aborted_with_the_reason(start_node, client, target):
     planner = start_planner(start_node, client)
-    assert not client.send_goal(PlanToTarget, PLAN, goal(target)).accepted
-    wait_until(lambda: "no twin received on /twin_node/model" in planner.output, 5, "the reason in the log")
+    ended = client.result(client.send_goal(PlanToTarget, PLAN, goal(target)))
+    assert "no twin received on /twin_node/model" in ended.result.message
     assert planner.interrupt() == 0, planner.output

@@ -5,12 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_coeffs
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
 
 from egophys_core.observation import FitProblem
-
-NEIGHBOURS = 6
-"""Nodes between which a track lies."""
+from egophys_core.observation.track_weights import track_weights
 
 SMOOTHING_FRAMES = 7
 """Frames over which positions and velocities of a track are fitted by a parabola."""
@@ -48,25 +45,8 @@ def observed_tracks(problem: FitProblem, surface: np.ndarray, rest_frames: int) 
         positions=tracks,
         smooth=smooth,
         velocities=velocities,
-        weights=_weights(rest, problem.start.astype(np.float64), np.flatnonzero(surface)),
+        weights=track_weights(rest, problem.start.astype(np.float64), np.flatnonzero(surface)),
     )
-
-
-def _weights(tracks: np.ndarray, nodes: np.ndarray, surface: np.ndarray) -> csr_matrix:
-    """Least-norm affine weights of the nearest nodes that give a track's place as nearly as they can."""
-    count = min(NEIGHBOURS, len(surface))
-    near = surface[cKDTree(nodes[surface]).query(tracks, k=count)[1].reshape(len(tracks), count)]
-    values = np.empty(near.shape)
-    for row, (track, around) in enumerate(zip(tracks, nodes[near], strict=True)):
-        offsets = around - track
-        scale = max(float(np.linalg.norm(offsets, axis=1).mean()), 1e-6)
-        # The first equation, that weights sum to 1, counts far more than the others: offsets of a flat or straight
-        # patch leave a direction that no weights can reach.
-        equations = np.concatenate([np.full((1, count), 1e3), (offsets / scale).T])
-        values[row] = np.linalg.lstsq(equations, np.array([1e3, 0, 0, 0]), rcond=1e-5)[0]
-        values[row] /= values[row].sum()
-    rows = np.repeat(np.arange(len(tracks)), count)
-    return csr_matrix((values.ravel(), (rows, near.ravel())), shape=(len(tracks), len(nodes)))
 
 
 def smoothed(tracks: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,9 @@
 
 import json
 
+import numpy as np
 from egophys_msgs.msg import WaypointPlan
+from egophys_ros_common.conversions import points_message
 from egophys_ros_common.managed_node import ManagedNode
 from egophys_ros_common.qos import latched
 from geometry_msgs.msg import PoseStamped
@@ -14,7 +16,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
 
 from egophys_core.options import to_mapping
-from egophys_planner.planning_job import PlanningJob
+from egophys_planner.planning_job import PlanningJob, PlanningProblem
 
 
 class PlannerTopics:
@@ -30,12 +32,19 @@ class PlannerTopics:
         self._path = publisher(Path, "~/path")
         self._problem = publisher(String, "~/problem")
         self._target = publisher(PointCloud2, "~/target")
+        self._start = publisher(PointCloud2, "~/start")
 
-    def publish_problem(self, job: PlanningJob, target: PointCloud2) -> None:
+    def publish_problem(self, job: PlanningJob, problem: PlanningProblem) -> None:
         """Everything a plan depends on besides the twin, so that a log is enough to plan it again."""
-        problem = {"seed": job.seed, "options": to_mapping(job.options), "twin_id": job.twin.twin_id}
-        self._problem.publish(String(data=json.dumps(problem)))
-        self._target.publish(target)
+        described = {
+            "seed": job.seed,
+            "options": to_mapping(job.options),
+            "twin_id": job.twin.twin_id,
+            "grasp_m": problem.start.grasp.tolist(),
+        }
+        self._problem.publish(String(data=json.dumps(described)))
+        for publisher, points in ((self._target, problem.target), (self._start, problem.start.nodes)):
+            publisher.publish(points_message(points, ids=np.arange(len(points))))
 
     def publish_plan(self, plan: WaypointPlan) -> None:
         """The plan, and its poses to look at."""

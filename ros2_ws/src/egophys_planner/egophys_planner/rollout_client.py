@@ -6,13 +6,13 @@ from threading import Event
 
 import numpy as np
 from egophys_msgs.srv import RolloutTwin
-from egophys_ros_common.conversions import plan_message
+from egophys_ros_common.conversions import plan_message, points_message
 from egophys_ros_common.worker import CanceledError
 from rclpy.client import Client
-from sensor_msgs.msg import PointCloud2
 
 from egophys_core.errors import PlanningError
 from egophys_core.waypoint_plan import WaypointPlan
+from egophys_planner.planning_job import PlanningProblem
 
 LOOK_PERIOD_S = 0.1
 """How often a waiting call looks whether it was canceled or the service has gone."""
@@ -26,7 +26,7 @@ class RolloutClient:
         client: Client,
         *,
         twin_id: str,
-        target: PointCloud2,
+        problem: PlanningProblem,
         service_timeout_s: float,
         answer_timeout_s: float,
         canceled: Event,
@@ -36,14 +36,17 @@ class RolloutClient:
         Args:
             client: of the rollout service.
             twin_id: the twin to roll out; if another comes into use meanwhile, planning fails.
-            target: shape that costs are a distance to.
+            problem: where rollouts begin, and the shape that costs are a distance to.
             service_timeout_s: how long to wait for the service to be there.
             answer_timeout_s: how long to wait for an answer.
             canceled: set to stop waiting.
         """
         self._client = client
         self._twin_id = twin_id
-        self._target = target
+        self._target, self._start, self._grasp = (
+            points_message(each, ids=np.arange(len(each)))
+            for each in (problem.target, problem.start.nodes, problem.start.grasp)
+        )
         self._service_timeout_s = service_timeout_s
         self._answer_timeout_s = answer_timeout_s
         self._canceled = canceled
@@ -55,7 +58,7 @@ class RolloutClient:
             PlanningError: the service is not there, does not answer in time, or cannot roll out a plan.
             CanceledError: `canceled` was set.
         """
-        name = self._client.srv_name
+        name = self._client.service_name
         if not self._client.wait_for_service(self._service_timeout_s):
             raise PlanningError(
                 f"no rollout service {name} within {self._service_timeout_s:g} s; is the twin node running?"
@@ -63,7 +66,11 @@ class RolloutClient:
         answered = Event()
         answer = self._client.call_async(
             RolloutTwin.Request(
-                twin_id=self._twin_id, plans=[plan_message(plan) for plan in plans], target=self._target
+                twin_id=self._twin_id,
+                plans=[plan_message(plan) for plan in plans],
+                target=self._target,
+                start=self._start,
+                grasp=self._grasp,
             )
         )
         answer.add_done_callback(lambda _: answered.set())

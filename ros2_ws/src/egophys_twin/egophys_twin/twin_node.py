@@ -13,6 +13,7 @@ from egophys_ros_common.parameters import declare_options, declare_texts, read_o
 from egophys_ros_common.running import run_node
 from egophys_ros_common.worker import Worker
 from rclpy.callback_groups import ReentrantCallbackGroup
+from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 
 from egophys_core.errors import TwinError
@@ -24,7 +25,7 @@ from egophys_twin.build_server import BuildServer
 from egophys_twin.diagnosis_server import DIAGNOSIS_GROUP, DiagnosisServer
 from egophys_twin.episode_parameters import SOURCE_GROUPS, declare_source
 from egophys_twin.jobs import Jobs
-from egophys_twin.rollouts import simulate
+from egophys_twin.rollouts import simulate, start_of
 from egophys_twin.twin_topics import TwinTopics, info_message
 
 TWIN_PARAMETERS = {"twin_path": ("", "twin file to use from the start; empty for none")}
@@ -103,7 +104,9 @@ class TwinNode(ManagedNode):
         try:
             twin = self._twin_meant(request.twin_id)
             plans = [plan_of_message(plan) for plan in request.plans]
-            answer = await self._rollouts.run(partial(simulate, twin, plans, _target_points(request)))
+            start = start_of(twin, _points_of(request.start, "start"), _points_of(request.grasp, "grasp"))
+            target = _points_of(request.target, "target")
+            answer = await self._rollouts.run(partial(simulate, twin, plans, target, start))
         except Exception as error:
             response.message = self.refuse("rollout failed", error)
             return response
@@ -111,7 +114,7 @@ class TwinNode(ManagedNode):
         stamp = self.get_clock().now().to_msg()
         shapes = [points_message(shape, ids=surface, stamp=stamp) for shape in answer.shapes]
         if len(shapes) == 1:
-            self._topics.publish_prediction(request.plans[0], shapes[0])
+            self._topics.publish_prediction(request.plans[0], shapes[0], start, stamp)
         response.success, response.twin_id, response.costs = True, twin.twin_id, answer.costs.tolist()
         response.final_shapes = shapes if request.return_shapes else []
         return response
@@ -136,10 +139,11 @@ class TwinNode(ManagedNode):
         return self._info
 
 
-def _target_points(request: RolloutTwin.Request) -> np.ndarray:
-    if len(request.target.data) == 0:
+def _points_of(message: PointCloud2, source: str) -> np.ndarray:
+    """[P, 3] metres; none of a message that was left empty, which has no frame either."""
+    if len(message.data) == 0:
         return np.empty((0, 3), np.float32)
-    return xyz_of_message(request.target, source="target")
+    return xyz_of_message(message, source=source)
 
 
 def main() -> int:

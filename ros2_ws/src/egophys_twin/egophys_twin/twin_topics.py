@@ -23,6 +23,7 @@ from egophys_core.episode import Episode
 from egophys_core.episode_source import EpisodeSource, LoadedEpisode
 from egophys_core.kinds import kind_of
 from egophys_core.options import to_mapping
+from egophys_core.planning import Start
 from egophys_core.twin import Twin, encode_twin
 from egophys_core.waypoint_plan import NANOSECONDS
 from egophys_twin.build import BuildRequest
@@ -43,6 +44,8 @@ class TwinTopics:
         self._training = self._publisher(String, "~/training/build")
         self._predicted_plan = self._publisher(WaypointPlan, "~/predicted/plan")
         self._predicted_points = self._publisher(PointCloud2, "~/predicted/points")
+        self._predicted_start = self._publisher(PointCloud2, "~/predicted/start")
+        self._predicted_grasp = self._publisher(PointCloud2, "~/predicted/grasp")
         self._training_points: list[Publisher] = []
         node.own(self, TwinTopics._forget_training)
 
@@ -80,8 +83,10 @@ class TwinTopics:
         for episode in episodes:
             self._publish_points(episode)
 
-    def publish_prediction(self, plan: WaypointPlan, points: PointCloud2) -> None:
-        """A plan that was rolled out alone, and the object at its end."""
+    def publish_prediction(self, plan: WaypointPlan, points: PointCloud2, start: Start, stamp: Time) -> None:
+        """A plan that was rolled out alone, from where, and the object at its end."""
+        for publisher, xyz in ((self._predicted_start, start.nodes), (self._predicted_grasp, start.grasp)):
+            publisher.publish(points_message(xyz, ids=np.arange(len(xyz)), stamp=stamp))
         self._predicted_plan.publish(plan)
         self._predicted_points.publish(points)
 

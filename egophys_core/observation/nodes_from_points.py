@@ -1,0 +1,55 @@
+"""Node positions of a deformed object from its tracked points (docs/notes/present_state.md).
+
+They minimise, over x [N, 3],
+
+    sum_i c_i |W_i x - y_i|^2  +  STIFFNESS sum_(j,k) |x_j - x_k - R_jk (p_j - p_k)|^2
+
+with points i seen at y_i and the springs (j, k) of the twin: as rigid as possible (Sorkine and Alexa, Symposium on
+Geometry Processing 2007, 109), where p are the nodes at rest and R_jk is the mean of the rotations about both nodes.
+Nodes that no seen point tells of are carried along, and none is below the table.
+"""
+
+import numpy as np
+from scipy.sparse import csr_matrix, diags
+from scipy.sparse.linalg import splu
+
+from egophys_core.geometry import nearest_rotation
+from egophys_core.twin import SpringGraph
+
+STIFFNESS = 0.3
+"""Of an edge, beside a point that is seen, which has 1."""
+
+ITERATIONS = 40
+
+OUTLIER = 0.01
+"""Metres: a point this far from where the shape has it counts a quarter (Geman and McClure's weights)."""
+
+
+def nodes_from_points(graph: SpringGraph, weights: csr_matrix, points: np.ndarray, *, floor: float) -> np.ndarray:
+    """[N, 3] float32 metres: where the nodes are.
+
+    Args:
+        graph: of the twin.
+        weights: [P, N], which mean of nodes each point that is seen is.
+        points: [P, 3] metres, where they are seen.
+        floor: height below which no node can be, metres.
+    """
+    rest, seen, edges = graph.positions.astype(np.float64), points.astype(np.float64), graph.springs
+    count, springs = len(rest), len(edges)
+    ends = np.repeat(np.arange(springs), 2)
+    difference = csr_matrix((np.tile([1.0, -1.0], springs), (ends, edges.ravel())), shape=(springs, count))
+    touching = abs(difference).T.tocsr()
+    lengths = rest[edges[:, 0]] - rest[edges[:, 1]]
+    elastic = STIFFNESS * (difference.T @ difference)
+    turned, trust = lengths, np.ones(len(seen))
+    for _ in range(ITERATIONS):
+        system = weights.T @ diags(trust) @ weights + elastic
+        pull = weights.T @ (trust[:, None] * seen) + STIFFNESS * (difference.T @ turned)
+        nodes = splu(system.tocsc()).solve(pull)
+        nodes[:, 2] = np.maximum(nodes[:, 2], floor)
+        products = (difference @ nodes)[:, :, None] * lengths[:, None, :]
+        turns = nearest_rotation((touching @ products.reshape(springs, 9)).reshape(count, 3, 3))
+        turned = np.einsum("eij,ej->ei", 0.5 * (turns[edges[:, 0]] + turns[edges[:, 1]]), lengths)
+        apart = np.linalg.norm(weights @ nodes - seen, axis=1)
+        trust = 1.0 / (1.0 + (apart / OUTLIER) ** 2) ** 2
+    return np.asarray(nodes, np.float32)

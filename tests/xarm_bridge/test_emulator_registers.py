@@ -9,6 +9,7 @@ from xarm.core.config.x_config import XCONF
 from xarm_bridge.emulator.controller import Controller
 from xarm_bridge.emulator.devices import Devices
 from xarm_bridge.emulator.gripper import Gripper
+from xarm_bridge.emulator.holding import HoldingRegisters
 from xarm_bridge.emulator.kinematics import Pose
 from xarm_bridge.emulator.names import NAMES
 from xarm_bridge.emulator.registers import answer
@@ -84,14 +85,20 @@ def test_random_requests_leave_a_sound_arm_inside_its_limits():
     assert moved > 10, "the requests must move the arm to try anything"
 
 
-def test_registers_are_called_what_the_sdk_calls_them(caplog):
+def test_what_is_not_emulated_is_named_once_as_the_sdk_names_it(caplog):
     registers = {name.lower(): number for name, number in vars(XCONF.UxbusReg).items() if isinstance(number, int)}
     assert {name: number for number, name in NAMES.items()} == registers
     devices = make_devices()
     for register in (71, 71, 250, 37, 37):
         answer(devices, register, b"")
+    holding = HoldingRegisters()
+    for _ in range(2):
+        holding.answer(struct.pack(">BHH", 1, 0, 8))
+        holding.answer(struct.pack(">BHH", 3, 0x20, 1))
     assert caplog.messages == [
         "register 71 (set_timer) is not emulated",
         "register 250 is not emulated",
         "register 37 (set_collis_sens) is accepted without effect",
+        "Modbus function 1 (read_coil_bits) is not emulated",
+        "Modbus holding register 32 is not emulated",
     ]

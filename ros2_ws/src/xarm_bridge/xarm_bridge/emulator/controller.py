@@ -117,6 +117,7 @@ class Controller:
     def set_mode(self, value: int) -> None:
         """Change the mode; motion is dropped and state 5 stays until `set_state(0)`."""
         if value not in list(Mode):
+            log.warning("mode %d is not emulated", value)
             raise RefusedError
         self._drop_motion()
         self.mode = Mode(value)

@@ -12,6 +12,17 @@ log = logging.getLogger("xarm_emulator")
 
 FIRST, COUNT = 0x100, 0x100
 
+NOT_EMULATED = {
+    0x01: "read_coil_bits",
+    0x02: "read_input_bits",
+    0x04: "read_input_registers",
+    0x05: "write_single_coil_bit",
+    0x0F: "write_multiple_coil_bits",
+    0x16: "mask_write_holding_register",
+    0x17: "write_and_read_holding_registers",
+}
+"""The manual's other functions, as the SDK calls them."""
+
 READ_HOLDING = 0x03
 WRITE_ONE = 0x06
 WRITE_SEVERAL = 0x10
@@ -62,7 +73,7 @@ class HoldingRegisters:
                 raise RefusedRequestError(ILLEGAL_VALUE)
             self._values[start : start + count] = struct.unpack(f">{count}H", pdu[6:])
             return pdu[:5]
-        self._name(f"Modbus function {function}")
+        self._name(f"Modbus function {function} ({NOT_EMULATED.get(function, 'unknown')})")
         raise RefusedRequestError(ILLEGAL_FUNCTION)
 
     def _place(self, address: int, count: int, most: int) -> int:

@@ -1,7 +1,8 @@
 """Status reports: what the controller streams on its report ports, byte for byte.
 
 Floats are little-endian float32, integers big-endian. The layouts follow the firmware's "normal" (145 bytes),
-"rich" (587 bytes) and "real" (135 bytes) reports; fields this emulator has no value for are zero.
+"rich" (587 bytes) and "real" (135 bytes) reports; fields this emulator has no value for are zero. Frames come at a
+steady rate only: whether a control box adds one when its state changes is documented nowhere, so nothing counts on it.
 """
 
 import struct

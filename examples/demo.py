@@ -127,7 +127,8 @@ def start_nodes(parsed: argparse.Namespace, folder: Path, stack: ExitStack) -> N
     start_node("egophys_twin", "recorder_node", "recorder.yaml", output_folder=str(folder / "log"))
     start_node("egophys_twin", "twin_node", "twin.yaml", generations=str(parsed.generations))
     start_node("egophys_planner", "mppi_planner_node", "planner.yaml")
-    start_node("xarm_bridge", "bridge_node", "bridge.yaml", robot_ip=ROBOT_IP, calibration_file=str(calibration))
+    arm = {"robot_ip": ROBOT_IP, "allow_emulator": "true", "calibration_file": str(calibration)}
+    start_node("xarm_bridge", "bridge_node", "bridge.yaml", **arm)
 
 
 def drive(parsed: argparse.Namespace, folder: Path, client: Client) -> Outcomes:

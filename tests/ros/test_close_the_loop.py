@@ -70,7 +70,8 @@ def lab(start_node, client, lab_twin, tmp_path):
     start("egophys_twin", "recorder_node", "recorder.yaml", output_folder=tmp_path / "log")
     start("egophys_twin", "twin_node", "twin.yaml", twin_path=path)
     start("egophys_planner", "mppi_planner_node", "planner.yaml")
-    start("xarm_bridge", "bridge_node", "bridge.yaml", robot_ip=address, calibration_file=CALIBRATION)
+    arm = {"robot_ip": address, "allow_emulator": "true", "calibration_file": CALIBRATION}
+    start("xarm_bridge", "bridge_node", "bridge.yaml", **arm)
     injected = {"effects": "constant_body_force", "effect_parameters": f"'{EFFECT}'"}
     start("egophys_rehearsal", "rehearsal_node", "rehearsal.yaml", **injected, **SEEN)
     return tmp_path / "log"

@@ -15,6 +15,7 @@ from egophys_core.perception.camera.board import Board
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.planning import PlanOptions
 from egophys_core.rehearsal import RehearsalOptions
+from egophys_core.robot import MotionLimits
 from tests.ros import launch_stand_in
 from tests.ros.launch_stand_in import PythonLaunchDescriptionSource
 
@@ -141,6 +142,7 @@ def test_launch_loads_it(path):
         ("egophys_twin/config/twin.yaml", "board", Board),
         ("egophys_twin/config/observer.yaml", "perception", PerceptionOptions),
         ("egophys_twin/config/observer.yaml", "board", Board),
+        ("xarm_bridge/config/bridge.yaml", "", MotionLimits),
         ("egophys_planner/config/planner.yaml", "", PlanOptions),
         ("egophys_rehearsal/config/rehearsal.yaml", "", RehearsalOptions),
     ],

@@ -73,6 +73,7 @@ MAY_USE: dict[str, set[str]] = {
         "rehearsal",
         "reporting",
         "replay",
+        "robot",
     },
 }
 """Which rooms a room may import from besides itself (DESIGN.md: data flow one way, never sideways)."""

@@ -19,6 +19,7 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", glob("launch/*.launch.py")),
         (f"share/{package_name}/config", glob("config/*")),
+        (f"share/{package_name}/urdf", glob("urdf/*")),
     ],
     # What the emulator needs, which is of use without ROS: pip install this folder, run `emulator`.
     install_requires=["numpy", "scipy"],

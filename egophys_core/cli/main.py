@@ -16,6 +16,7 @@ from egophys_core.errors import EgophysError
 
 SUBCOMMANDS = {
     "board": "Write the printable tag board that tells the camera where it is.",
+    "calibrate": "Find where the robot stands from points that its arm touched; writes the bridge's calibration file.",
     "import-vrs": "Write a recording of Project Aria glasses as a bag of undistorted, upright images.",
     "perceive": "Reconstruct object and hand of an egocentric video: an episode, pictures to check, and a report.",
     "build": "Fit a twin to recorded episodes of one object and write it to a file.",

@@ -9,15 +9,38 @@ import yaml
 
 from egophys_core.errors import RobotError
 from egophys_core.files import write_atomically
-from egophys_core.geometry import rigid_fit
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.yaml_mapping import check_keys, load_mapping, number_array
 
 UNIT_QUATERNION_TOLERANCE = 1e-3
 """How far a hand-written quaternion's length may be from 1; three printed decimals pass."""
 
-SMALLEST_TRIANGLE_M = 0.01
-"""Points that lie closer than this to one line do not fix the rotation about it."""
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationRecord:
+    """How a calibration came about; nothing is computed from it."""
+
+    date_utc: str
+    """When it was fitted, ISO 8601."""
+    rms_m: float
+    """Root mean square residual of the points used."""
+    leave_one_out_m: float
+    """Root mean square distance of a point from where the fit to the others has it; NaN for three points."""
+    residuals_m: dict[str, float]
+    """Of each point used, by its name."""
+    left_out_m: dict[str, float]
+    """Distances of the points that were left out as mis-touched."""
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As YAML types; numbers to a micrometre."""
+        return {
+            "date_utc": self.date_utc,
+            "points": len(self.residuals_m),
+            "rms_m": round(self.rms_m, 6),
+            "leave_one_out_m": round(self.leave_one_out_m, 6),
+            "residuals_m": {name: round(each, 6) for name, each in self.residuals_m.items()},
+            "left_out_m": {name: round(each, 6) for name, each in self.left_out_m.items()},
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +51,8 @@ class Calibration:
     """p_base = R p_world + t; base is the xArm's own base frame."""
     tool: Transform = field(default_factory=Transform.identity)
     """Pose of the planned tool point in the TCP frame that the controller reports (fingertips, say)."""
+    record: CalibrationRecord | None = None
+    """None for one that was written by hand."""
 
     @classmethod
     def load(cls, path: Path) -> "Calibration":
@@ -37,15 +62,20 @@ class Calibration:
             RobotError: unreadable, unknown or missing key, number not finite, quaternion not unit.
         """
         content = load_mapping(path)
-        check_keys(content, str(path), required=("world_to_base",), optional=("tool",))
+        check_keys(content, str(path), required=("world_to_base",), optional=("tool", "fit"))
         world_to_base = _transform_from(content["world_to_base"], f"{path}: world_to_base")
-        if "tool" not in content:
-            return cls(world_to_base=world_to_base)
-        return cls(world_to_base=world_to_base, tool=_transform_from(content["tool"], f"{path}: tool"))
+        tool = _transform_from(content["tool"], f"{path}: tool") if "tool" in content else Transform.identity()
+        record = _record_from(content["fit"], f"{path}: fit") if "fit" in content else None
+        return cls(world_to_base=world_to_base, tool=tool, record=record)
 
     def save(self, path: Path) -> None:
         """Write the YAML file atomically; `load` gives the same calibration back."""
-        content = {"world_to_base": _mapping_from(self.world_to_base), "tool": _mapping_from(self.tool)}
+        content: dict[str, Any] = {
+            "world_to_base": _mapping_from(self.world_to_base),
+            "tool": _mapping_from(self.tool),
+        }
+        if self.record is not None:
+            content["fit"] = self.record.to_mapping()
         write_atomically(path, yaml.safe_dump(content, sort_keys=False, default_flow_style=None).encode())
 
     def tcp_in_base(self, tool_in_world: Transform) -> Transform:
@@ -55,52 +85,6 @@ class Calibration:
     def tool_in_world(self, tcp_in_base: Transform) -> Transform:
         """Where the tool point is in the world when the controller reports this TCP pose."""
         return self.world_to_base.inverse() @ tcp_in_base @ self.tool
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitReport:
-    """A fitted transform and how well it explains the point pairs it was fitted to."""
-
-    world_to_base: Transform
-    """Least-squares rigid transform from world to base."""
-    residuals: np.ndarray
-    """[N] float64, distance between each moved world point and its base point, metres."""
-
-    @property
-    def rms(self) -> float:
-        """Root mean square residual, metres; a careful touch-off of a table corner gives 1 to 3 mm."""
-        return float(np.sqrt(np.mean(self.residuals**2)))
-
-
-def fit_world_to_base(world_points: np.ndarray, base_points: np.ndarray) -> FitReport:
-    """Fit the calibration from points known in both frames (touch them with the tool, read its position).
-
-    W. Kabsch, Acta Cryst. A32 (1976) 922: the rotation that minimises the summed squared distances.
-
-    Args:
-        world_points: [N, 3] metres, N >= 3, not all on one line.
-        base_points: [N, 3] metres, the same points in the robot base frame, same order.
-
-    Raises:
-        RobotError: shapes differ, too few points, a number not finite, or the points lie on one line.
-    """
-    world = np.asarray(world_points, dtype=np.float64)
-    base = np.asarray(base_points, dtype=np.float64)
-    if world.shape != base.shape or world.ndim != 2 or world.shape[1] != 3 or len(world) < 3:
-        raise RobotError(f"calibration needs two lists [N, 3] with N >= 3, got {world.shape} and {base.shape}")
-    if not (np.isfinite(world).all() and np.isfinite(base).all()):
-        raise RobotError("calibration points must be finite; remove the pair with NaN or infinity")
-    for label, points in (("world", world), ("base", base)):
-        spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(world))
-        if spread < SMALLEST_TRIANGLE_M:
-            raise RobotError(
-                f"the {label} points lie within {spread * 1000:.1f} mm of one line, so the rotation about it "
-                f"is unknown; touch points that span at least {SMALLEST_TRIANGLE_M * 1000:.0f} mm"
-            )
-    rotation, translation = rigid_fit(world, base)
-    world_to_base = Transform(rotation=rotation, translation=translation)
-    residuals = np.linalg.norm(world_to_base.apply(world) - base, axis=1)
-    return FitReport(world_to_base=world_to_base, residuals=residuals)
 
 
 def _transform_from(mapping: Any, where: str) -> Transform:
@@ -114,6 +98,36 @@ def _transform_from(mapping: Any, where: str) -> Transform:
             "(and check the order: x, y, z, w)"
         )
     return Transform.from_quaternion(translation, quaternion)
+
+
+def _record_from(mapping: Any, where: str) -> CalibrationRecord:
+    check_keys(
+        mapping,
+        where,
+        required=("date_utc", "points", "rms_m", "leave_one_out_m", "residuals_m"),
+        optional=("left_out_m",),
+    )
+    rms, leave_one_out = (_number_in(mapping, key, where) for key in ("rms_m", "leave_one_out_m"))
+    return CalibrationRecord(
+        date_utc=str(mapping["date_utc"]),
+        rms_m=rms,
+        leave_one_out_m=leave_one_out,
+        residuals_m=_numbers_by_name(mapping["residuals_m"], f"{where}.residuals_m"),
+        left_out_m=_numbers_by_name(mapping.get("left_out_m", {}), f"{where}.left_out_m"),
+    )
+
+
+def _numbers_by_name(mapping: Any, where: str) -> dict[str, float]:
+    if not isinstance(mapping, dict):
+        raise RobotError(f"{where} must be a mapping from points to metres, got {mapping!r}")
+    return {str(name): _number_in(mapping, name, where) for name in mapping}
+
+
+def _number_in(mapping: dict[str, Any], key: str, where: str) -> float:
+    value = mapping[key]
+    if not isinstance(value, int | float):
+        raise RobotError(f"{where}.{key} must be a number, got {value!r}")
+    return float(value)
 
 
 def _mapping_from(transform: Transform) -> dict[str, list[float]]:

@@ -104,3 +104,18 @@ class Board:
         pose = np.diag([1.0, -1.0, -1.0, 1.0])
         pose[:3, 3] = self.origin
         return pose
+
+    def corner_in_world(self, tag_id: int, corner: int) -> np.ndarray:
+        """[3] float64, metres: a corner of a tag's black square, 0 to 3 clockwise from the upper left as printed.
+
+        Raises:
+            OptionsError: the board has no such tag, or a tag no such corner.
+        """
+        last = self.first_id + self.columns * self.rows - 1
+        if not self.first_id <= tag_id <= last:
+            raise OptionsError(f"the board has the tags {self.first_id} to {last}, not {tag_id}; see --board-columns")
+        if not 0 <= corner <= 3:
+            raise OptionsError(f"tag {tag_id} has the corners 0 to 3, clockwise from the upper left, not {corner}")
+        beyond = self.tag_side * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])[corner]
+        x, y = self.tag_corners[tag_id - self.first_id] + beyond
+        return np.asarray((self.world_from_board @ (x, y, 0.0, 1.0))[:3])

@@ -2,8 +2,10 @@
 
 import sys
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
+from xarm.wrapper import XArmAPI
 
 from tests.xarm_bridge.emulator_process import (
     CALIBRATION,
@@ -53,6 +55,20 @@ def shared_arm() -> Iterator[Arm]:
     yield arm
     arm.close()
     process.close()
+
+
+@pytest.fixture
+def connect_api() -> Iterator[Callable[..., XArmAPI]]:
+    """Connects the unchanged SDK."""
+    opened: list[XArmAPI] = []
+
+    def connect(emulator: EmulatorProcess, **options: Any) -> XArmAPI:
+        opened.append(XArmAPI(emulator.host, is_radian=True, **options))
+        return opened[-1]
+
+    yield connect
+    for api in opened:
+        api.disconnect()
 
 
 @pytest.fixture

@@ -35,19 +35,23 @@ class EmulatorProcess:
         self._process = subprocess.Popen(
             [sys.executable, "-m", "xarm_bridge.emulator.server", "--host", host, *arguments],
             cwd=PACKAGE,
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
         )
-        assert self._process.stdout is not None
-        timer = threading.Timer(READY_TIMEOUT, self._process.kill)
-        timer.start()
-        self.greeting = self._process.stdout.readline()
-        timer.cancel()
+        self.greeting = self._next_line()
         assert "ready on" in self.greeting, f"emulator did not start: {self.greeting!r}"
 
     @property
     def alive(self) -> bool:
         return self._process.poll() is None
+
+    def inject(self, fault: str) -> str:
+        """Let a fault happen now (start with --faults-from-stdin); the emulator's answer."""
+        assert self._process.stdin is not None
+        self._process.stdin.write(f"{fault}\n")
+        self._process.stdin.flush()
+        return self._next_line()
 
     def kill(self) -> None:
         self._process.kill()
@@ -61,8 +65,18 @@ class EmulatorProcess:
     def close(self) -> None:
         if self.alive:
             self.kill()
+        assert self._process.stdin is not None
         assert self._process.stdout is not None
+        self._process.stdin.close()
         self._process.stdout.close()
+
+    def _next_line(self) -> str:
+        assert self._process.stdout is not None
+        timer = threading.Timer(READY_TIMEOUT, self._process.kill)
+        timer.start()
+        line = self._process.stdout.readline()
+        timer.cancel()
+        return line
 
 
 def loopback_addresses() -> Iterator[str]:

@@ -1,5 +1,6 @@
 """The emulator as SDK users meet it: XArmAPI unchanged, its return codes, states and reports."""
 
+import re
 import time
 
 import numpy as np
@@ -9,19 +10,6 @@ from xarm.wrapper import XArmAPI
 from tests.xarm_bridge.emulator_process import wait_until
 
 DOWN = (np.pi, 0.0, 0.0)
-
-
-@pytest.fixture
-def connect_api():
-    opened = []
-
-    def connect(emulator, **options):
-        opened.append(XArmAPI(emulator.host, is_radian=True, **options))
-        return opened[-1]
-
-    yield connect
-    for api in opened:
-        api.disconnect()
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +37,15 @@ def position(api):
 
 
 def test_the_sdk_sees_an_xarm6(start_emulator, connect_api):
-    api = connect_api(start_emulator())
-    assert (api.axis, api.device_type, api.version_number) == (6, 6, (1, 13, 10))
-    assert api.get_state() == (0, 4), "an arm that was just switched on is stopped"
+    apis = [connect_api(start_emulator()) for _ in range(2)]
+    for api in apis:
+        assert (api.axis, api.device_type, api.version_number) == (6, 6, (2, 5, 0))
+        assert api.get_state() == (0, 4), "an arm that was just switched on is stopped"
+        told_at_connecting = api.sn
+        assert api.get_robot_sn() == (0, told_at_connecting)
+        assert re.fullmatch("XI1300EMU[0-9A-F]{8}", api.sn)
+        assert re.fullmatch("AC1300EMU", api.control_box_sn)
+    assert apis[0].sn != apis[1].sn
 
 
 def test_absolute_and_relative_lines(ready):
@@ -149,7 +143,7 @@ def test_emergency_stop_forgets_the_queue(ready):
 
 def test_an_unreachable_line_is_a_kinematic_error(ready):
     before = position(ready)
-    assert ready.set_position(900, 0, 300, *DOWN, wait=True) in (1, -9)  # whichever the SDK notices first
+    assert ready.set_position(900, 0, 300, *DOWN, wait=True) in (1, 9, -9)  # whichever the SDK notices first
     assert ready.get_err_warn_code() == (0, [21, 0])
     np.testing.assert_allclose(position(ready), before)
     assert ready.set_state(0) == 0
@@ -171,6 +165,15 @@ def test_the_gripper(ready):
     assert ready.get_gripper_position() == (0, 300)
     assert ready.get_gripper_version() == (0, "3.4.3")
     assert ready.get_gripper_err_code() == (0, 0)
+
+
+def test_clients_see_what_others_write_into_the_user_defined_registers(shared_emulator, connect_api):
+    first, second = connect_api(shared_emulator), connect_api(shared_emulator)
+    assert first.write_multiple_holding_registers(0x110, [1, 0xFFFF, 3]) == 0
+    assert second.read_holding_registers(0x110, 3) == (0, [1, 0xFFFF, 3])
+    assert second.write_single_holding_register(0x111, 4) == 0
+    assert first.read_holding_registers(0x111, 1) == (0, [4])
+    assert first.write_single_holding_register(0x20, 1) == 0x82, "the robot's mode is not for users"
 
 
 def test_a_tcp_offset_moves_the_reported_pose(ready):

@@ -56,8 +56,8 @@ def test_any_bytes_give_requests_or_a_protocol_error(noise):
 
 @given(register=st.sampled_from(sorted(HANDLERS)), params=st.binary(max_size=64))
 def test_any_parameters_are_answered(register, params):
-    devices = Devices(controller=Controller(Pose.from_wire(START)), gripper=Gripper())
-    status, reply = answer(devices, register, params)
+    devices = Devices(serial="", controller=Controller(Pose.from_wire(START)), gripper=Gripper())
+    status, reply, _ = answer(devices, register, params)
     assert 0 <= status < 256
     assert len(reply) < 1024
     devices.controller.advance(1.0)
@@ -102,10 +102,26 @@ def test_a_report_client_that_never_reads_does_not_stop_the_others(start_emulato
             stream.recv(size - 4, socket.MSG_WAITALL)
 
 
-def test_standard_modbus_is_told_that_it_is_not_there(shared_emulator):
+def test_standard_modbus_knows_the_user_defined_registers(shared_emulator):
+    """Frames written out from UFACTORY's Modbus manual."""
+    exchanges = [
+        (struct.pack(">BHH", 3, 0x1FE, 2), b"\x03\x04\0\0\0\0"),
+        (struct.pack(">BHHB2H", 0x10, 0x100, 2, 4, 7, 8), struct.pack(">BHH", 0x10, 0x100, 2)),
+        (struct.pack(">BHH", 6, 0x101, 9), struct.pack(">BHH", 6, 0x101, 9)),
+        (struct.pack(">BHH", 3, 0x100, 2), struct.pack(">BBHH", 3, 4, 7, 9)),
+        (struct.pack(">BHH", 3, 0x20, 1), b"\x83\x02"),
+        (struct.pack(">BHH", 3, 0x1FF, 2), b"\x83\x02"),
+        (struct.pack(">BHHBH", 0x10, 0xFF, 1, 2, 1), b"\x90\x02"),
+        (struct.pack(">BHH", 3, 0x100, 0), b"\x83\x03"),
+        (struct.pack(">BHHBH", 0x10, 0x100, 2, 4, 1), b"\x90\x03"),
+        (struct.pack(">BHHB", 0x10, 0x100, 1, 9), b"\x90\x03"),
+        (struct.pack(">BHH", 1, 0x100, 1), b"\x81\x01"),
+        (b"", b"\x80\x01"),
+    ]
     with socket.create_connection((shared_emulator.host, 502), timeout=5) as stream:
-        stream.sendall(encode(5, 0, 1, struct.pack(">BHH", 3, 0, 1)))
-        assert stream.recv(64) == struct.pack(">HHHBBB", 5, 0, 3, 1, 0x83, 1)
+        for pdu, reply in exchanges:
+            stream.sendall(struct.pack(">HHHB", 5, 0, 1 + len(pdu), 1) + pdu)
+            assert stream.recv(64) == struct.pack(">HHHB", 5, 0, 1 + len(reply), 1) + reply
 
 
 def test_a_second_emulator_on_the_same_address_is_refused(shared_emulator):
@@ -140,7 +156,7 @@ def test_reports_are_read_as_written_by_the_sdk():
     assert (decoded.robot_type, decoded.robot_axis, decoded.version, decoded.counter) == (
         6,
         6,
-        "v1.13.10",
+        "v2.5.0",
         18,
     )
     assert decoded.tcp_max_speed == 1000.0
@@ -148,7 +164,10 @@ def test_reports_are_read_as_written_by_the_sdk():
     assert decoded.reduced_tcp_boundary == [[-9999, 9999]] * 3
 
 
-@pytest.mark.parametrize("text", ["error@1", "silence=3@1", "error=0@1", "error=300@1", "smoke@1", "error=31"])
+@pytest.mark.parametrize(
+    "text",
+    ["error@1", "silence=0@1", "error=0@1", "error=300@1", "mode@1", "mode=2@1", "stop=1@1", "smoke@1", "error=31"],
+)
 def test_a_fault_that_is_none_is_refused(text):
     with pytest.raises(ValueError, match="fault"):
         Fault.parse(text)

@@ -162,7 +162,7 @@ class Controller:
         """0 lets motion run, 3 pauses it, 4 stops it and forgets what was queued."""
         if value == 0:
             if self.error:
-                return  # the reply's status says so; the error must be cleared first
+                raise RefusedError(Status.OK)  # the reply's status says so; the error must be cleared first
             self._stopped = self._mode_changed = self._paused = False
         elif value == 3:
             self._paused = True
@@ -235,7 +235,7 @@ class Controller:
         step = float(np.linalg.norm(flange.position - last.position))
         if step > SERVO_LARGEST_STEP:
             log.warning("servo target %.1f mm away not executed, at most %.0f mm", step, SERVO_LARGEST_STEP)
-            return
+            raise RefusedError(Status.OK)  # clients are not told
         self._servo_target = flange
 
     def servo_joints_to(self, goal: np.ndarray) -> None:

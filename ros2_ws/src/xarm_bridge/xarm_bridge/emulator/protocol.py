@@ -87,11 +87,10 @@ def encode_reply(request: Request, status: Status, params: bytes = b"") -> bytes
     return head + bytes([request.register, status]) + params
 
 
-def encode_modbus_refusal(request: Request) -> bytes:
-    """Standard Modbus TCP's "illegal function": these registers are not emulated."""
-    function = request.params[0] if request.params else 0
-    head = HEADER.pack(request.transaction, STANDARD_MODBUS, 3)
-    return head + bytes([request.register, function | 0x80, 1])
+def encode_modbus_reply(request: Request, pdu: bytes) -> bytes:
+    """The reply to a request of standard Modbus TCP; its unit identifier stands where registers stand otherwise."""
+    head = HEADER.pack(request.transaction, STANDARD_MODBUS, 1 + len(pdu))
+    return head + bytes([request.register]) + pdu
 
 
 def pack_floats(values: Iterable[float]) -> bytes:

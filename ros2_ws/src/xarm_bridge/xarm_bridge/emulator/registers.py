@@ -1,20 +1,18 @@
 """What each register of the command port does; numbers and parameters as xarm-python-sdk sends them."""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from xarm_bridge.emulator.controller import Controller, RefusedError
 from xarm_bridge.emulator.gripper import Gripper
+from xarm_bridge.emulator.identity import serial_field, version_field
 from xarm_bridge.emulator.kinematics import JOINTS, Pose, forward, inverse, outside_limits
 from xarm_bridge.emulator.protocol import Status, pack_floats, unpack_floats
-from xarm_bridge.emulator.report import ARM_TYPE, AXES, FIRMWARE
-
-IDENTITY = f"{AXES},{ARM_TYPE},XI1300EMU01,AC1300EMU01,{FIRMWARE}".encode().ljust(40, b"\0")
-SERIAL_NUMBERS = b"XI1300EMU01\0AC1300EMU01\0".ljust(40, b"\0")
 
 TOOL_RS485 = 9
 """Host id of the RS485 line in the tool; the gripper is on it."""
@@ -30,6 +28,8 @@ ACCEPTED_WITHOUT_EFFECT = frozenset({31, 32, 33, 34, 36, 37, 38, 40, 51, 127, 12
 class Devices:
     """What the registers act on."""
 
+    serial: str
+    """Serial number of the arm."""
     controller: Controller
     gripper: Gripper
 
@@ -37,24 +37,35 @@ class Devices:
 Handler = Callable[[Devices, bytes], bytes]
 
 
-def answer(devices: Devices, register: int, params: bytes) -> tuple[Status, bytes]:
-    """Carry out one request: the status byte and the parameters of the reply.
+class Answer(NamedTuple):
+    """What a request is answered with."""
+
+    status: Status
+    params: bytes
+    accepted: bool
+    """Whether the request was carried out or queued."""
+
+
+def answer(devices: Devices, register: int, params: bytes) -> Answer:
+    """Carry out one request.
 
     An unknown register, parameters that are too short and a refused command are answered, never raised.
     """
     handler = HANDLERS.get(register)
     refusal = Status.OK
     reply = b""
+    accepted = True
     if handler is None:
-        refusal = Status.OK if register in ACCEPTED_WITHOUT_EFFECT else Status.INVALID
+        accepted = register in ACCEPTED_WITHOUT_EFFECT
+        refusal = Status.OK if accepted else Status.INVALID
     else:
         try:
             reply = handler(devices, params)
         except RefusedError as reason:
-            refusal, reply = reason.status, reason.reply
+            refusal, reply, accepted = reason.status, reason.reply, False
         except (ValueError, IndexError, struct.error):
-            refusal = Status.INVALID
-    return devices.controller.status | refusal, reply
+            refusal, accepted = Status.INVALID, False
+    return Answer(devices.controller.status | refusal, reply, accepted)
 
 
 def _finite_floats(params: bytes, count: int) -> tuple[float, ...]:
@@ -62,6 +73,19 @@ def _finite_floats(params: bytes, count: int) -> tuple[float, ...]:
     if not np.isfinite(values).all():
         raise ValueError(f"parameters must be finite, got {values}")
     return values
+
+
+def _goal_floats(params: bytes, count: int, axes: int) -> tuple[float, ...]:
+    """Like `_finite_floats`, but the first `axes` may be infinite: such an axis keeps its value."""
+    values = unpack_floats(params, count)
+    if np.isnan(values[:axes]).any() or not np.isfinite(values[axes:]).all():
+        raise ValueError(f"parameters must be finite or, of axes, infinite, got {values}")
+    return values
+
+
+def _keeping(goal: tuple[float, ...], present: Iterable[float]) -> np.ndarray:
+    """The goal with the present value of every axis that shall keep it."""
+    return np.where(np.isinf(goal), np.fromiter(present, float), goal)
 
 
 def _flag(params: bytes, index: int) -> int:
@@ -95,15 +119,22 @@ def _clean_warning(devices: Devices, params: bytes) -> bytes:
 
 def _line(devices: Devices, params: bytes) -> bytes:
     """Registers 21 and 22; the longer form adds radius, frame (0 base, 1 tool), axis-angle and check-only."""
-    x, y, z, rx, ry, rz, speed, acceleration, _ = _finite_floats(params, 9)
     in_tool_frame, axis_angle, check_only = (_flag(params, 40 + index) for index in range(3))
-    rotation = Rotation.from_rotvec([rx, ry, rz]) if axis_angle else Rotation.from_euler("xyz", [rx, ry, rz])
-    target = Pose(np.array([x, y, z]), rotation)
+    may_keep = 0 if in_tool_frame or axis_angle else 6
+    *target, speed, acceleration, _ = _goal_floats(params, 9, may_keep)
     controller = devices.controller
+
+    def goal_from(tool: Pose) -> Pose:
+        if axis_angle:
+            pose = Pose(np.array(target[:3]), Rotation.from_rotvec(target[3:]))
+        else:
+            pose = Pose.from_wire(tuple(_keeping(tuple(target), tool.to_wire())))
+        return tool @ pose if in_tool_frame else pose
+
     if check_only:
-        goal = (controller.tool @ target if in_tool_frame else target) @ controller.tcp_offset.inverse()
+        goal = goal_from(controller.tool) @ controller.tcp_offset.inverse()
         return struct.pack(">HB", controller.queued, controller.trouble_at(goal))
-    controller.line(lambda tool: tool @ target if in_tool_frame else target, speed, acceleration)
+    controller.line(goal_from, speed, acceleration)
     return struct.pack(">HB", controller.queued, 0)
 
 
@@ -115,9 +146,8 @@ def _line_in_tool_frame(devices: Devices, params: bytes) -> bytes:
 
 
 def _joints(devices: Devices, params: bytes) -> bytes:
-    values = _finite_floats(params, 10)
-    goal = np.array(values[:JOINTS])
-    devices.controller.turn_joints(lambda _: goal, values[7], values[8])
+    values = _goal_floats(params, 10, JOINTS + 1)
+    devices.controller.turn_joints(lambda joints: _keeping(values[:JOINTS], joints), values[7], values[8])
     return b""
 
 
@@ -200,8 +230,8 @@ def _tool_register(devices: Devices, params: bytes) -> bytes:
 
 
 HANDLERS: dict[int, Handler] = {
-    1: lambda devices, params: IDENTITY,
-    2: lambda devices, params: SERIAL_NUMBERS,
+    1: lambda devices, params: version_field(devices.serial),
+    2: lambda devices, params: serial_field(devices.serial),
     11: _motion_enable,
     12: _set_state,
     13: lambda devices, params: bytes([devices.controller.state]),

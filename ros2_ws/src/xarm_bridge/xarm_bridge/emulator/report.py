@@ -9,12 +9,9 @@ import struct
 import numpy as np
 
 from xarm_bridge.emulator.controller import Controller
+from xarm_bridge.emulator.identity import ARM_TYPE, AXES, FIRMWARE
 from xarm_bridge.emulator.protocol import pack_floats
 
-FIRMWARE = "v1.13.10"
-"""The version announced. From 2.0.102 on, controllers also push a frame when a motion ends; not this one."""
-ARM_TYPE = 6
-AXES = 6
 ALL_JOINT_BITS = 0x7F
 COLLISION_SENSITIVITY = 3
 TEACH_SENSITIVITY = 3

@@ -25,6 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--rotate", type=float, nargs=3, metavar=("R", "P", "Y"), help="turn the target about its centre, degrees"
     )
+    parser.add_argument(
+        "--start",
+        metavar="SHAPE",
+        help="where the object is now: a frame of a bag that begins with it at rest, or a point cloud of it as it lay "
+        "for the twin (default: where the twin was built)",
+    )
     parser.add_argument("--out", required=True, type=Path, metavar="PLAN", help="JSON file to write")
     parser.add_argument("--seed", type=int, default=0, help="seed of the samples (default 0)")
     add_option_arguments(parser, PlanOptions)
@@ -33,7 +39,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Plan and write; 1 if the plan does not reach its target."""
     from egophys_core.plan_file import PlanFile, write_plan
-    from egophys_core.planning import grasp_from_points, parse_target, plan_to_target, target_points, twin_costs
+    from egophys_core.planning import (
+        grasp_from_points,
+        parse_target,
+        plan_to_target,
+        start_of_source,
+        start_of_twin,
+        target_points,
+        twin_costs,
+    )
     from egophys_core.twin import load_twin
 
     require_writable(parsed.out)
@@ -41,11 +55,12 @@ def run(parsed: argparse.Namespace) -> int:
     edits = [f"{name}={','.join(map(str, values))}" for name, values in given.items() if values]
     wanted = parse_target(" ".join([parsed.target, *edits]))
     options, twin = options_from(parsed, PlanOptions), load_twin(parsed.twin)
-    target = target_points(wanted, twin.model.graph.positions[twin.model.graph.surface])
+    start = start_of_source(parsed.start, twin) if parsed.start else start_of_twin(twin)
+    target = target_points(wanted, start.surface(twin))
     with progress_bar() as report:
         plan, initial_cost = plan_to_target(
-            lambda plans: twin_costs(twin, plans, target),
-            grasp_from_points(twin.grasp),
+            lambda plans: twin_costs(twin, plans, target, start=start),
+            grasp_from_points(start.grasp),
             options,
             seed=parsed.seed,
             twin_id=twin.twin_id,

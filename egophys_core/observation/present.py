@@ -7,23 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_matrix, vstack
-from scipy.spatial import cKDTree
 
 from egophys_core.errors import EpisodeError
-from egophys_core.kinds import kind_of
+from egophys_core.observation.lying import FEWEST_POINTS, lying_nodes
 from egophys_core.observation.nodes_from_points import nodes_from_points
-from egophys_core.observation.problem import ANOTHER_OBJECT, LEAST_APART
-from egophys_core.observation.registration import place, placed
 from egophys_core.observation.track_weights import track_weights
 from egophys_core.twin import Twin
 
-FEWEST_POINTS = 20
-"""Seen points below which a shape is not told."""
 SAME_IDS = 0.5
 """Share of the seen points that are known by their ids, below which ids were given anew."""
-COVERED = 0.8
-"""Share of the twin's surface nodes that have a seen point nearby where the object lies in the twin's shape: of one
-that is folded all points lie on the twin, but not the twin on the points."""
 STILL_M = 0.006
 """Median displacement, metres, up to which an object is at rest, beside the noise of its points."""
 MISFIT_M = 0.01
@@ -70,7 +62,8 @@ def with_new_points(twin: Twin, seen: SeenObject) -> BoundPoints | None:
     if known.all():
         return bound
     there = bound.weights[np.searchsorted(bound.ids, seen.ids[known])] @ bound.nodes
-    if np.median(np.linalg.norm(there - seen.points[known], axis=1)) > STILL_M:
+    # Where half of a sheet is folded over, the other half lies there still.
+    if np.quantile(np.linalg.norm(there - seen.points[known], axis=1), 0.9) > MISFIT_M:
         return bound
     new = _bind(twin, bound.nodes, seen.ids[~known], seen.points[~known])
     order = np.argsort(ids := np.concatenate([bound.ids, new.ids]))
@@ -102,19 +95,6 @@ def present_nodes(twin: Twin, seen: SeenObject) -> np.ndarray:
             "for the twin for a second, or plan from the twin's own shape (start: twin)"
         )
     return lying
-
-
-def lying_nodes(twin: Twin, points: np.ndarray) -> np.ndarray | None:
-    """[N, 3] float32 metres: the nodes at rest, turned and shifted on the table onto points [P, 3]; None if not so."""
-    if kind_of(twin.model).from_surface is None or len(points) < FEWEST_POINTS:
-        return None
-    graph = twin.model.graph
-    surface, spacing = graph.positions[graph.surface], float(np.median(graph.rest_lengths))
-    nodes = placed(graph.positions, place(surface, points, spacing=spacing), surface.mean(axis=0))
-    near = max(ANOTHER_OBJECT * spacing, LEAST_APART)
-    on_twin = np.median(cKDTree(nodes[graph.surface]).query(points)[0]) <= near
-    covered = (cKDTree(points).query(nodes[graph.surface])[0] <= 2 * near).mean()
-    return nodes if on_twin and covered >= COVERED else None
 
 
 def require_at_rest(before: SeenObject, now: SeenObject) -> None:

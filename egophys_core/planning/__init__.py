@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
     from egophys_core.planning.mppi import ForwardModel, plan_to_target
     from egophys_core.planning.start import Start, carried_start, start_of_twin
+    from egophys_core.planning.start_source import start_of_source
     from egophys_core.planning.target import TargetText, check_target, parse_target, target_points
 
 __all__ = [
@@ -27,9 +28,10 @@ __all__ = [
     "plan_to_target",
     "rollout_plans",
     "shape_costs",
+    "start_of_source",
     "start_of_twin",
     "target_points",
     "twin_costs",
 ]
 
-__getattr__ = names_on_demand(__name__, "forward", "grasp", "mppi", "start", "target")
+__getattr__ = names_on_demand(__name__, "forward", "grasp", "mppi", "start", "start_source", "target")

@@ -9,19 +9,26 @@ its centre by roll, pitch and yaw in degrees about the axes of `world`, then shi
 
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from egophys_core.episode import WORLD_FRAME
-from egophys_core.errors import PlanningError, RecordingError
+from egophys_core.errors import PlanningError
+from egophys_core.planning.bag_frame import (
+    BAG_SUFFIXES,
+    frame_index,
+    is_bag,
+    object_messages,
+    path_and_frame,
+    seen_points,
+)
 from egophys_core.planning.cloud_file import READERS, read_cloud
-from egophys_core.recording import OBJECT_TOPIC, decode_points, read_records
+from egophys_core.recording import OBJECT_TOPIC
 from egophys_core.twin import load_twin
 
 PRESENT = "present"
-TWIN_SUFFIX, BAG_SUFFIXES = ".twin", (".mcap", ".db3")
+TWIN_SUFFIX = ".twin"
 FARTHEST_M = 3.0
 """Metres: a target as large, or as far from the object, is in another unit or another place."""
 MOST_POINTS = 20_000
@@ -112,7 +119,7 @@ def check_target(points: np.ndarray, present: np.ndarray, name: str) -> None:
 
 
 def _read(source: str, object_topic: str) -> np.ndarray:
-    path, frame = _path_and_frame(source)
+    path, frame = path_and_frame(source)
     suffix = path.suffix.lower()
     if frame and (suffix in READERS or suffix == TWIN_SUFFIX):
         raise PlanningError(f"target {source}: only a bag has frames, leave @{frame} out")
@@ -121,56 +128,15 @@ def _read(source: str, object_topic: str) -> np.ndarray:
     if suffix == TWIN_SUFFIX:
         graph = load_twin(path).model.graph
         return graph.positions[graph.surface]
-    if suffix in BAG_SUFFIXES or path.is_dir():
-        return _bag_frame(path, frame, object_topic)
+    if is_bag(path):
+        messages = object_messages(path, object_topic)
+        return seen_points(messages[frame_index(frame, messages, path)])[1]
     kinds = ", ".join((*READERS, *BAG_SUFFIXES, TWIN_SUFFIX))
     if path.is_file():
         raise PlanningError(f"target {path}: files that hold a shape are {kinds}, not {suffix or 'without extension'}")
     raise PlanningError(
         f"target {source}: there is no such file or folder; give `{PRESENT}`, or a file ({kinds}), or a bag's folder"
     )
-
-
-def _path_and_frame(source: str) -> tuple[Path, str]:
-    """A path that has an @ in its name is not cut if it is there."""
-    path, at, frame = source.rpartition("@")
-    if not at or Path(source).exists():
-        return Path(source), ""
-    if not re.fullmatch(r"\d+(\.\d*)?s|\d+", frame):
-        raise PlanningError(
-            f"target {source}: after @ stands a frame (@70) or a time in seconds (@2.3s), not {frame!r}"
-        )
-    return Path(path), frame
-
-
-def _bag_frame(path: Path, frame: str, topic: str) -> np.ndarray:
-    """[P, 3] metres: the object's points seen in one message of a bag, those of confidence 0 left out."""
-    try:
-        records = list(read_records(path, (topic,)))
-    except RecordingError as error:
-        raise RecordingError(f"target {path}: {error}") from error
-    messages = sorted(
-        (decode_points(each.cdr, source=f"target {path} {topic}") for each in records), key=lambda each: each.stamp_ns
-    )
-    if not messages:
-        raise PlanningError(
-            f"target {path} has no message on {topic}; make points of its video with `egophys perceive`"
-        )
-    times = np.array([each.stamp_ns - messages[0].stamp_ns for each in messages]) * 1e-9
-    index = len(messages) - 1
-    if frame.endswith("s"):
-        wanted = float(frame[:-1])
-        if wanted > times[-1]:
-            raise PlanningError(f"target {path} shows 0 .. {times[-1]:.2f} s, not {wanted:g} s")
-        index = int(np.argmin(np.abs(times - wanted)))
-    elif frame:
-        index = int(frame)
-        if index >= len(messages):
-            raise PlanningError(f"target {path} has frames 0 .. {len(messages) - 1}, not {index}")
-    shown = messages[index]
-    if shown.frame_id != WORLD_FRAME:
-        raise PlanningError(f"target {path}: the points are in frame {shown.frame_id!r}, needed is {WORLD_FRAME!r}")
-    return shown.xyz[np.isfinite(shown.xyz).all(axis=1) & (shown.confidence > 0)]
 
 
 def _three(values: str, label: str) -> tuple[float, float, float]:

@@ -25,7 +25,7 @@ NAME_PARAMETERS = {
 TIMEOUT_PARAMETERS = {
     "service_timeout_s": (5.0, "how long to wait for the rollout service to be there, s"),
     "rollout_timeout_s": (60.0, "how long to wait for the rollouts of one iteration, s"),
-    "object_max_age_s": (2.0, "age up to which an observation shows where the object is now, s"),
+    "object_max_age_s": (3.0, "age up to which an observation shows where the object is now, s"),
 }
 
 

@@ -1,6 +1,5 @@
 """The object as it is seen: the newest observation, and which of its points are known by their ids."""
 
-from collections import deque
 from functools import partial
 
 import numpy as np
@@ -13,13 +12,15 @@ from sensor_msgs.msg import PointCloud2
 
 from egophys_core.episode import WORLD_FRAME
 from egophys_core.errors import EgophysError, PlanningError
+from egophys_core.kinds import kind_of
 from egophys_core.observation import BoundPoints, SeenObject, require_at_rest, with_new_points
 from egophys_core.recording import points_of_message
 from egophys_core.twin import Twin
+from egophys_core.waypoint_plan import NANOSECONDS
 
 LOOK_PERIOD_S = 1.0
 """How often new points are bound to the twin; where the object does not look like it, that costs tenths of a second."""
-KEPT_S = 0.5
+KEPT_S = 1.0
 """Observations this far back tell whether the object is at rest."""
 
 
@@ -31,7 +32,7 @@ class ObjectWatch:
         self._node = node
         self._twin: Twin | None = None
         self._bound: BoundPoints | None = None
-        self._recent: deque[PointCloud2] = deque()
+        self._recent: list[PointCloud2] = []
         self._is_looking = False
         self._worker = node.own(Worker("object", node.hand_over), Worker.close)
         self._topic = node.resolve_topic_name(node.get_parameter("object_topic").value)
@@ -41,6 +42,17 @@ class ObjectWatch:
         )
         waiting = ReentrantCallbackGroup()
         node.own(node.create_timer(LOOK_PERIOD_S, self._look, callback_group=waiting), node.destroy_timer)
+
+    @property
+    def why_unknown(self) -> str:
+        """Why nothing is known of where the object is, empty if something is; then plans begin with the twin."""
+        if self._twin is not None and kind_of(self._twin.model).from_surface is None:
+            return "the twin was built from markers, which are not placed anew"
+        return (
+            ""
+            if self._recent
+            else f"the object has not been seen: no message on {self._topic} (does its observer run?)"
+        )
 
     @property
     def state(self) -> str:
@@ -65,14 +77,14 @@ class ObjectWatch:
             EpisodeError: it moves.
             RecordingError: what is published is no tracked points.
         """
-        if not self._recent:
-            raise PlanningError(f"the object has not been seen: no message on {self._topic}; does its observer run?")
+        if self.why_unknown:
+            raise PlanningError(self.why_unknown)
         newest, limit = self._recent[-1], self._node.get_parameter("object_max_age_s").value
         age = self._seconds_since(newest)
         if age > limit:
             raise PlanningError(
                 f"the object was last seen {age:.1f} s ago on {self._topic}, which is not now (object_max_age_s "
-                f"{limit:g} s); is it hidden, or has its observer stopped?"
+                f"{limit:g} s); show it to its observer, or plan from the twin's own shape (start: twin)"
             )
         now = self._object_of(newest)
         require_at_rest(self._object_of(self._recent[0]), now)
@@ -83,11 +95,9 @@ class ObjectWatch:
         self._worker.stop()
 
     def _take(self, message: PointCloud2) -> None:
+        now = _stamp_ns(message)
+        self._recent = [each for each in self._recent if 0 <= now - _stamp_ns(each) <= KEPT_S * NANOSECONDS]
         self._recent.append(message)
-        while _stamp_ns(message) - _stamp_ns(self._recent[0]) > KEPT_S * 1e9 or _stamp_ns(self._recent[0]) > _stamp_ns(
-            message
-        ):
-            self._recent.popleft()
 
     async def _look(self) -> None:
         """Bind the points of the newest observation that are not known yet."""
@@ -115,7 +125,7 @@ class ObjectWatch:
         return SeenObject(ids=ids, points=points.xyz[good][first], bound=self._bound)
 
     def _seconds_since(self, message: PointCloud2) -> float:
-        return (self._node.get_clock().now().nanoseconds - _stamp_ns(message)) * 1e-9
+        return float(self._node.get_clock().now().nanoseconds - _stamp_ns(message)) / NANOSECONDS
 
 
 def _stamp_ns(message: PointCloud2) -> int:

@@ -181,14 +181,10 @@ class Planning:
         target = xyz_of_message(goal.target, source="target") if has_points else parse_target(goal.target_source)
         if goal.start not in ("", PRESENT, TWIN):
             raise PlanningError(f"start must be {PRESENT}, {TWIN} or empty, got {goal.start!r}")
-        seen, why_twin = None, ""
-        if goal.start != TWIN:
-            try:
-                seen = self._object.seen()
-            except EgophysError as error:
-                if goal.start == PRESENT:
-                    raise
-                why_twin = str(error)
+        # Who says nothing gets a plan without an observer, but no plan from the twin's shape for an object that is seen
+        # and cannot be told now.
+        why_twin = "" if goal.start else self._object.why_unknown
+        seen = None if goal.start == TWIN or why_twin else self._object.seen()
         return PlanningJob(
             twin=self._twin, options=options, seed=goal.seed, target=target, seen=seen, why_twin=why_twin
         )

@@ -1,6 +1,5 @@
 """bridge_node: executes waypoint plans on an arm, one at a time, and publishes where the arm is."""
 
-import gc
 import sys
 import threading
 from collections.abc import Callable
@@ -37,6 +36,7 @@ from egophys_core.robot import (
     Transform,
     check_origin,
     check_plan,
+    keep_timing_even,
     load_driver,
 )
 from egophys_core.waypoint_plan import NANOSECONDS, WaypointPlan, plan_of_message
@@ -333,9 +333,7 @@ def _plan_asked(goal: ExecutePlan.Goal) -> tuple[WaypointPlan, int]:
 
 def main() -> int:
     """Run the node; the exit code."""
-    # A collection of all that was imported would hold the stream of poses up for tens of milliseconds.
-    gc.collect()
-    gc.freeze()
+    keep_timing_even()
     return run_node(BridgeNode)
 
 

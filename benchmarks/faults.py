@@ -177,7 +177,7 @@ FAULTS = (
         user="sets calibration_file, configures and activates again",
         mend=_give_the_transform,
     ),
-    FaultScenario(name="bridge stands still for 3 s", cause=_freeze_bridge, reason="held the stream", user=NEXT),
+    FaultScenario(name="bridge stands still for 3 s", cause=_freeze_bridge, reason="plan not executed", user=NEXT),
     FaultScenario(
         name="bridge killed",
         cause=_kill_bridge,

@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from egophys_core.errors import RobotError
+from egophys_core.errors import ArmLostError, RobotError
 from egophys_core.robot.arm_driver import ArmDriver, ArmState
 from egophys_core.robot.measured_arm import MeasuredArm
 from egophys_core.robot.ownership import RENEW_PERIOD_S, Ownership
@@ -52,15 +52,28 @@ class ArmLink:
         self._closing.set()
         self._thread.join()
 
+    def lose(self, error: RobotError) -> None:
+        """Connect anew: someone got no answer, and one that comes late would be taken for another. From any thread."""
+        was_lost, self.lost = self.lost, str(error)
+        if not was_lost:
+            self._events.on_lost(error)
+
     def _watch(self) -> None:
         while not self._closing.wait(RETRY_PERIOD_S if self.lost else PERIOD_S):
             try:
                 if self.lost:
                     self._find_again()
                 else:
-                    self._look()
+                    self._look_twice()
             except RobotError as error:
-                self._lose(error)
+                self.lose(error)
+
+    def _look_twice(self) -> None:
+        """A process that was stopped for a while takes its own silence for that of the arm, once."""
+        try:
+            self._look()
+        except ArmLostError:
+            self._look()
 
     def _look(self) -> None:
         self._events.on_state(self._measured.state(oldest=PERIOD_S / 2))
@@ -76,11 +89,6 @@ class ArmLink:
         if code != self.error_code:
             self.error_code = code
             self._events.on_error(code)
-
-    def _lose(self, error: RobotError) -> None:
-        was_lost, self.lost = self.lost, str(error)
-        if not was_lost:
-            self._events.on_lost(error)
 
     def _find_again(self) -> None:
         self._driver.connect()

@@ -19,6 +19,8 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", glob("launch/*.launch.py")),
         (f"share/{package_name}/config", glob("config/*")),
+        (f"share/{package_name}/rviz", glob("rviz/*")),
+        (f"share/{package_name}/foxglove", glob("foxglove/*")),
     ],
     entry_points={
         "console_scripts": [

@@ -23,6 +23,8 @@ from egophys_ros_common.parameters_help import parameters_text
 
 GOALS_END_S = 5.0
 """How long a node that was told to end waits for its goals to be answered; what they do has been stopped before."""
+LAST_WORDS_S = 1.0
+"""How long a node that could not start stays, so that its reason is heard."""
 LAST_SPINS, LAST_SPIN_S = 5, 0.02
 """Turns of the executor that send the answers of goals that have just ended."""
 
@@ -78,6 +80,10 @@ def _spin(node: ManagedNode, executor: SingleThreadedExecutor) -> int:
                 f"waits to be configured: ros2 lifecycle set {node.get_fully_qualified_name()} configure"
             )
         elif not _started(node):
+            # Whoever records /rosout has to find this node first.
+            deadline = time.monotonic() + LAST_WORDS_S
+            while time.monotonic() < deadline:
+                executor.spin_once(LAST_SPIN_S)
             return COULD_NOT_START
         # Not spin_until_future_complete, which adds a callback to the future each time that something happens.
         while rclpy.ok() and not told_to_end.is_set():

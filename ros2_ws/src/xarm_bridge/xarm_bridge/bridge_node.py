@@ -45,8 +45,8 @@ from xarm_bridge.messages import pose_message, result_message
 
 FEEDBACK_EVERY = 5
 """Measured poses per feedback message: 10 Hz."""
-LOST, ERROR = "lost", "error"
-"""What is told once until it is over, whoever notices it first."""
+LOST, ERROR, PLAN = "lost", "error", "plan"
+"""What is told once until it is over, whoever notices it first: no answer, an error of the arm, a plan that failed."""
 
 PARAMETERS = {
     "driver": (
@@ -89,6 +89,7 @@ class BridgeNode(ManagedNode):
         self._goal: ServerGoalHandle | None = None
         self._twin_id = ""
         self._told: set[str] = set()
+        self._over: set[str] = set()
         self._stop_requested = threading.Event()
         self._stops = Worker("stop", self.hand_over)
         self._halt = self._halt_unowned
@@ -216,14 +217,14 @@ class BridgeNode(ManagedNode):
         if code:
             self._tell(ERROR, "the arm stopped", ArmFaultError(self._driver.describe_error(code)))
         else:
-            self._told.discard(ERROR)
+            self._end(ERROR)
 
     def _lose(self, error: RobotError) -> None:
         self._stop_requested.set()
         self._tell(LOST, "controller lost", error)
 
     def _find(self) -> None:
-        self._told.discard(LOST)
+        self._end(LOST)
         self.last_error = ""
         self.get_logger().info(f"controller at {self._identity.address} found again; the arm was halted")
 
@@ -233,6 +234,13 @@ class BridgeNode(ManagedNode):
             return str(error)
         self._told.add(key)
         return self.refuse(what, error)
+
+    def _end(self, key: str) -> None:
+        """What was told is over; a plan under way may still fail of it, and is not told as another thing."""
+        self._over.add(key)
+        if self._goal is None:
+            self._told -= self._over
+            self._over.clear()
 
     def _begin(self, handle: ServerGoalHandle) -> WaypointPlan:
         if not self.is_active:
@@ -270,6 +278,8 @@ class BridgeNode(ManagedNode):
             return ExecutePlan.Result(success=False, message=self._fail(error))
         finally:
             self._goal = None
+            self._told -= self._over
+            self._over.clear()
         result = result_message(executed)
         self._topics.publish_executed(result.executed)
         if executed.completed:
@@ -284,10 +294,12 @@ class BridgeNode(ManagedNode):
         return result
 
     def _fail(self, error: Exception) -> str:
-        what = "plan not executed"
+        key = LOST if isinstance(error, ArmLostError) else ERROR if isinstance(error, ArmFaultError) else PLAN
+        message = self._tell(LOST if LOST in self._told else key, "plan not executed", error)
+        self._told.discard(PLAN)
         if isinstance(error, ArmLostError):
-            return self._tell(LOST, what, error)
-        return self._tell(ERROR, what, error) if isinstance(error, ArmFaultError) else self.refuse(what, error)
+            self._link.lose(error)
+        return message
 
     def _feed_back(self, handle: ServerGoalHandle, share: float, pose: Transform) -> None:
         if self._goal is not None and handle is self._goal:

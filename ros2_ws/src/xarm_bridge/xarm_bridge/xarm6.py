@@ -160,7 +160,7 @@ class XArm6(ArmDriver):
         """Stop the arm now and have the controller confirm it.
 
         Raises:
-            RobotError: not confirmed; the message says to use the emergency stop button.
+            ArmLostError: not confirmed; the message says to use the emergency stop button.
         """
         deadline = time.monotonic() + COMMAND_TIMEOUT
         while True:
@@ -169,7 +169,7 @@ class XArm6(ArmDriver):
             if code == 0 and answer == 0 and state == STOP:
                 return
             if time.monotonic() > deadline:
-                raise RobotError(
+                raise ArmLostError(
                     f"stop was not confirmed by the controller at {self._address} (code {code}, "
                     f"state {state}); press the emergency stop button"
                 )

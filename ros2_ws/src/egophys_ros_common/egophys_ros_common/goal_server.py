@@ -14,6 +14,9 @@ from egophys_ros_common.managed_node import ManagedNode
 
 JobT = TypeVar("JobT")
 
+RESULT_KEPT_S = 60
+"""How long a result waits for who asks late; rclpy keeps 900 s of measured motions otherwise, 5 MB a minute."""
+
 
 class GoalServer(Generic[JobT]):
     """Serves one action until the node's cleanup. All functions are called on the executor's thread."""
@@ -53,6 +56,7 @@ class GoalServer(Generic[JobT]):
             self._abort,
             handle_accepted_callback=self._accept,
             cancel_callback=lambda handle: CancelResponse.ACCEPT if self._cancel() else CancelResponse.REJECT,
+            result_timeout=RESULT_KEPT_S,
         )
         node.own(server, ActionServer.destroy)
 

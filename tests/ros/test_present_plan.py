@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
 from egophys_msgs.action import PlanToTarget
+from egophys_msgs.msg import WaypointPlan
 from egophys_msgs.srv import PlanAndExecute
 from egophys_ros_common.conversions import plan_message, points_message
 from egophys_ros_common.processes import wait_until
@@ -159,7 +160,7 @@ def test_two_strings_plan_and_execute(planner, client, start_node):
     address = next(ADDRESSES)
     start_node("xarm_bridge", "emulator", "--host", address).wait_for_output("ready on")
     words = ("-p", f"robot_ip:={address}", "-p", f"calibration_file:={CALIBRATION}", "-p", "autostart:=true")
-    start_node("xarm_bridge", "bridge_node", "--ros-args", "-r", f"__ns:={SPACE}", *words)
+    bridge = start_node("xarm_bridge", "bridge_node", "--ros-args", "-r", f"__ns:={SPACE}", *words)
     client.wait_for_state(f"{SPACE}/bridge_node", "active")
     wait_until(lambda: "no bridge serves" not in (done := request(HIGHER)).message and done, 60, "the bridge found")
     done = request(HIGHER)
@@ -186,4 +187,11 @@ def test_two_strings_plan_and_execute(planner, client, start_node):
     assert not answer.result().success
     assert "canceled" in answer.result().message
     assert not client.call(Trigger, f"{PLANNER}/cancel").success
+
+    before = client.message(WaypointPlan, f"{PLANNER}/plan", qos=latched())
+    answer = pending.call_async(asked)
+    wait_until(lambda: client.message(WaypointPlan, f"{PLANNER}/plan", qos=latched()) != before, 60, "a new plan")
+    bridge.kill()
+    wait_until(answer.done, 60, "the answer without a bridge")
+    assert "bridge_node/execute" in answer.result().message
     client.node.destroy_client(pending)

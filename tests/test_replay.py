@@ -14,6 +14,8 @@ from egophys_core.identification import FitOptions, build
 from egophys_core.options import to_mapping
 from egophys_core.planning import (
     PlanOptions,
+    Start,
+    carried_start,
     final_shapes,
     grasp_from_points,
     plan_to_target,
@@ -37,9 +39,10 @@ def loop(tmp_path_factory) -> Loop:
     episode = read_episode(folder)
     twin = build([episode], FIT, seed=SEED)
     target = episode.points[-1]
+    start = carried_start(twin, twin.model.graph.positions + np.float32([0.02, -0.01, 0.0]))
     plan, _ = plan_to_target(
-        lambda plans: twin_costs(twin, plans, target),
-        grasp_from_points(twin.grasp),
+        lambda plans: twin_costs(twin, plans, target, start=start),
+        grasp_from_points(start.grasp),
         PLANNING,
         seed=SEED,
         twin_id=twin.twin_id,
@@ -51,7 +54,8 @@ def loop(tmp_path_factory) -> Loop:
         target=target,
         plan_options=to_mapping(PLANNING),
         plan=plan,
-        predicted=final_shapes(twin, rollout_plans(twin, [plan]))[0],
+        predicted=final_shapes(twin, rollout_plans(twin, [plan], start=start))[0],
+        start=start,
     )
 
 
@@ -88,6 +92,18 @@ def moved_target(loop: Loop) -> Loop:
     return dataclasses.replace(loop, target=loop.target + np.float32(1e-4))
 
 
+def moved_start(loop: Loop) -> Loop:
+    nodes = loop.start.nodes.copy()
+    nodes[3, 0] += np.float32(1e-3)
+    return dataclasses.replace(loop, start=Start(nodes=nodes, grasp=loop.start.grasp))
+
+
+def moved_grasp(loop: Loop) -> Loop:
+    grasp = loop.start.grasp.copy()
+    grasp[0, 0] += np.float32(1e-3)
+    return dataclasses.replace(loop, start=Start(nodes=loop.start.nodes, grasp=grasp))
+
+
 def changed_plan(loop: Loop) -> Loop:
     positions = loop.plan.positions.copy()
     positions[-1, 0] += 1e-6
@@ -115,6 +131,8 @@ def changed_prediction(loop: Loop) -> Loop:
         (moved_target, {"plan"}),
         (lambda loop: dataclasses.replace(loop, plan_seed=SEED + 1), {"plan"}),
         (lambda loop: dataclasses.replace(loop, plan_options={**loop.plan_options, "noise_m": 0.04}), {"plan"}),
+        (moved_start, {"plan", "prediction"}),
+        (moved_grasp, {"plan", "prediction"}),
         (changed_plan, {"plan", "prediction"}),
         (changed_cost, {"plan"}),
         (changed_prediction, {"prediction"}),
@@ -128,6 +146,8 @@ def changed_prediction(loop: Loop) -> Loop:
         "target",
         "plan seed",
         "plan option",
+        "start",
+        "grasp",
         "waypoint",
         "cost",
         "predicted point",

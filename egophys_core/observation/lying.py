@@ -5,15 +5,16 @@ from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
 from egophys_core.kinds import kind_of
-from egophys_core.observation.problem import ANOTHER_OBJECT, LEAST_APART
 from egophys_core.observation.registration import placed
 from egophys_core.twin import Twin
 
 FEWEST_POINTS = 20
 """Seen points below which a shape is not told."""
-ON_TWIN, COVERED = 0.9, 0.97
-"""Share of the seen points that lie on the twin, and of the twin's surface nodes that lie on seen points, where the
-object is in the twin's shape: of one that is folded all points lie on the twin, but not the twin on the points."""
+COVERED = 0.97
+"""Share of the points, and of the twin's surface nodes, that lie no farther from the others than these lie apart, where
+the object is in the twin's shape. Of one that is folded all points lie on the twin, but not the twin on the points."""
+BETWEEN = 1.25
+"""Times the median distance to the fourth neighbour: what lies between points strewn at random, at their border too."""
 YAWS = np.deg2rad(np.arange(-180, 180, 15))
 """Turns about the vertical that are tried."""
 REFINED = 3
@@ -30,12 +31,15 @@ def lying_nodes(twin: Twin, points: np.ndarray) -> np.ndarray | None:
     surface = graph.positions[graph.surface].astype(np.float64)
     pose = _pose(surface, seen)
     nodes = placed(graph.positions, pose, surface.mean(axis=0))
-    near = max(ANOTHER_OBJECT * float(np.median(graph.rest_lengths)), LEAST_APART)
-    tree = cKDTree(seen)
-    between_points = float(np.median(tree.query(seen, k=2)[0][:, 1]))
-    on_twin = (cKDTree(nodes[graph.surface]).query(seen)[0] <= near).mean()
-    covered = (tree.query(nodes[graph.surface])[0] <= near + between_points).mean()
-    return nodes if on_twin >= ON_TWIN and covered >= COVERED else None
+    there = nodes[graph.surface]
+    return nodes if min(_covered(seen, there), _covered(there, seen)) >= COVERED else None
+
+
+def _covered(points: np.ndarray, by: np.ndarray) -> float:
+    """Share of points [P, 3] no farther from others [Q, 3] than these lie apart at random."""
+    tree = cKDTree(by)
+    apart = BETWEEN * float(np.median(tree.query(by, k=5)[0][:, -1]))
+    return float((tree.query(points)[0] <= apart).mean())
 
 
 def _pose(surface: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.errors import PlanningError
+from egophys_core.observation.track_weights import track_weights
 from egophys_core.planning.grasp import grasp_from_points
-from egophys_core.simulation.attachments import FEWEST_NEIGHBOURS
 from egophys_core.twin import Twin
 
 
@@ -45,16 +45,14 @@ def require_start(start: Start, twin: Twin) -> None:
 def carried_start(twin: Twin, nodes: np.ndarray) -> Start:
     """The start with the object's nodes at [N, 3] metres, where the tool takes hold of the same material.
 
-    The points of the grasp keep their places about the tool, which always points down; they go where the nodes go that
-    they hold.
+    The points of the grasp keep their places about the tool, which always points down; they go where the place on the
+    object goes that is in their middle.
 
     Raises:
         PlanningError: the twin has no grasp.
     """
-    rest = twin.model.graph.positions.astype(np.float64)
+    graph = twin.model.graph
     middle = grasp_from_points(twin.grasp).position
-    distances = np.linalg.norm(rest - middle, axis=1)
-    held = np.argsort(distances, kind="stable")[:FEWEST_NEIGHBOURS]
-    held = np.union1d(held, np.flatnonzero(distances <= twin.model.parameters.controller_radius))
-    shift = nodes[held].astype(np.float64).mean(axis=0) - rest[held].mean(axis=0)
+    weights = track_weights(middle[None], graph.positions.astype(np.float64), np.flatnonzero(graph.surface))
+    shift = (weights @ (nodes.astype(np.float64) - graph.positions))[0]
     return Start(nodes=nodes.astype(np.float32), grasp=(twin.grasp + shift).astype(np.float32))

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from egophys_core.episode import Episode
+from egophys_core.planning import Start
 from egophys_core.recording import (
     LATCHED_QOS,
     LogWriter,
@@ -112,6 +113,8 @@ class Loop:
     plan_options: dict
     plan: WaypointPlan
     predicted: np.ndarray
+    start: Start
+    """Where the plan and the prediction begin."""
 
     def entries(self) -> list[Entry]:
         build = {
@@ -121,7 +124,12 @@ class Loop:
             "parent_id": "",
             "episodes": [{"name": self.episode.name, "frames": self.episode.frames, "ground_height": 0.0}],
         }
-        problem = {"seed": self.plan_seed, "options": self.plan_options, "twin_id": self.twin.twin_id}
+        problem = {
+            "seed": self.plan_seed,
+            "options": self.plan_options,
+            "twin_id": self.twin.twin_id,
+            "grasp_m": self.start.grasp.tolist(),
+        }
         entries = [("/twin_node/training/build", STRING, text(build))]
         for frame, seen in enumerate(self.episode.visible):
             stamp_ns = round(self.episode.times[frame] * 1e9)
@@ -142,7 +150,10 @@ class Loop:
             ("/twin_node/job", JOB, job(SUCCEEDED)),
             ("/mppi_planner_node/problem", STRING, text(problem)),
             ("/mppi_planner_node/target", POINTS, points(self.target)),
+            ("/mppi_planner_node/start", POINTS, points(self.start.nodes)),
             ("/mppi_planner_node/plan", PLAN, plan_message(self.plan)),
+            ("/twin_node/predicted/start", POINTS, points(self.start.nodes)),
+            ("/twin_node/predicted/grasp", POINTS, points(self.start.grasp)),
             ("/twin_node/predicted/plan", PLAN, plan_message(self.plan)),
             ("/twin_node/predicted/points", POINTS, points(self.predicted)),
         ]

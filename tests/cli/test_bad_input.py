@@ -120,6 +120,9 @@ def test_targets_that_are_none(egophys, twin_file, episode_bag, tmp_path):
     refused(plan(f"{episode_bag}@999"), f"frames 0 .. {frames - 1}, not 999")
     refused(plan("present"), "the present shape is no target as it is")
     refused(plan("present translate=0,0,0.1", "--translate", "0", "0", "0.1"), "translate= stands there twice")
+    refused(plan("present rotate=0,0,9", "--start", "no.txt"), "start no.txt: give a bag", "or a point cloud")
+    np.save(tmp_path / "folded.npy", np.random.default_rng(0).uniform(0, 0.05, (50, 3)))
+    refused(plan("present rotate=0,0,9", "--start", tmp_path / "folded.npy"), "is not in the shape that twin")
     refused(plan("present", "--translate", "0", "0", "100"), "100 m from the object", "must be in metres")
     assert not (tmp_path / "plan.json").exists()
 

@@ -243,6 +243,23 @@ def test_plan_to_a_shape_and_to_another(egophys, twin_file, episode_bag, tmp_pat
     assert edited == planned_to("--target", "present rotate=0,0,20 translate=0.05,0,-0.01") != again
 
 
+def test_a_plan_begins_where_a_bag_shows_the_object(egophys, twin_file, episode_bag, tmp_path):
+    def grasped(*start):
+        out = tmp_path / "plan.json"
+        code, _, err = egophys(
+            "plan", twin_file, "--out", out, *FAST_PLAN, "--translate", "0", "0", "0.02", "--tolerance-m", "1", *start
+        )
+        assert (code, err) == (0, "")
+        return read_plan(out).plan.positions[1]
+
+    episode, own = read_episode(episode_bag), grasped()
+    corner = int(np.argmin(np.linalg.norm(episode.points[0] - own, axis=1)))
+    there = grasped("--start", episode_bag)
+    assert there - own == pytest.approx(episode.points[-1, corner] - episode.points[0, corner], abs=0.02)
+    np.save(tmp_path / "aside.npy", episode.points[0] + np.float32([0.1, 0.05, 0.0]))
+    assert grasped("--start", tmp_path / "aside.npy") - own == pytest.approx([0.1, 0.05, 0.0], abs=0.006)
+
+
 def test_a_plan_that_ends_farther_than_tolerated_is_a_finding(egophys, twin_file, tmp_path):
     arguments = ["plan", twin_file, "--out", tmp_path / "plan.json", *FAST_PLAN, "--translate", "0", "0", "1.5"]
     code, text, err = egophys(*arguments)

@@ -8,11 +8,13 @@ import pytest
 from egophys_core.errors import PlanningError
 from egophys_core.planning import (
     PlanOptions,
+    carried_start,
     final_shapes,
     grasp_from_points,
     plan_to_target,
     rollout_plans,
     shape_costs,
+    start_of_twin,
     twin_costs,
 )
 from tests.identification.synthetic import known_model
@@ -59,6 +61,33 @@ def test_final_shapes_are_the_visible_nodes_at_the_end(twin, moved_shape):
     hidden = dataclasses.replace(twin, model=dataclasses.replace(twin.model, graph=graph))
     result = rollout_plans(hidden, [plan])
     assert np.array_equal(final_shapes(hidden, result)[0], result.positions[0, -1, :20])
+
+
+def test_plans_begin_where_the_object_is(twin, moved_shape):
+    plan, shape = moved_shape
+    aside = np.float32([0.3, -0.2, 0.0])
+    start = carried_start(twin, twin.model.graph.positions + aside)
+    assert start.grasp == pytest.approx(twin.grasp + aside, abs=1e-6)
+    there = dataclasses.replace(plan, positions=plan.positions + aside)
+    # Friction makes float32's last digits count.
+    assert final_shapes(twin, rollout_plans(twin, [there], start=start))[0] == pytest.approx(shape + aside, abs=2e-3)
+    assert twin_costs(twin, [plan], shape, start=start_of_twin(twin)).tolist() == [0.0]
+
+
+def test_the_grasp_goes_where_its_material_goes(twin):
+    nodes = twin.model.graph.positions.copy()
+    held = np.linalg.norm(nodes - twin.grasp.mean(axis=0), axis=1) < 0.09
+    nodes[held] += np.float32([0.0, 0.05, 0.08])
+    assert carried_start(twin, nodes).grasp == pytest.approx(twin.grasp + np.float32([0.0, 0.05, 0.08]), abs=1e-6)
+
+
+def test_a_start_that_is_none_is_refused(twin, moved_shape):
+    plan, _ = moved_shape
+    own = start_of_twin(twin)
+    with pytest.raises(PlanningError, match=rf"all 25 nodes of twin {twin.twin_id}, got \(24, 3\)"):
+        rollout_plans(twin, [plan], start=dataclasses.replace(own, nodes=own.nodes[:-1]))
+    with pytest.raises(PlanningError, match="the start must be finite"):
+        rollout_plans(twin, [plan], start=dataclasses.replace(own, grasp=own.grasp * np.nan))
 
 
 def test_held_corner_goes_where_the_tool_goes(twin, moved_shape):

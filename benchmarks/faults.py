@@ -44,7 +44,10 @@ class FaultOutcome:
     """What was seen of it."""
 
     fault: str
+    arm: str
+    """What the arm did, where it did what it should."""
     held_still: bool
+    """It did; only where another plan was under way it did not stand still but followed that one, and nothing else."""
     reason_published_once: bool
     recovered_without_restart: bool
     published: str
@@ -221,6 +224,7 @@ def meet(fault: FaultScenario, rig: FaultRig) -> FaultOutcome:
         told = rig.told(began, fault.reason)
     return FaultOutcome(
         fault=fault.name,
+        arm="went on with the first plan" if fault.goes_on else "held still",
         held_still=held_still,
         reason_published_once=len(told) == 1 and fault.reason in told[0],
         recovered_without_restart=rig.recovers() and fault.same_process,

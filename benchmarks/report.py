@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from benchmarks import tables
+from benchmarks import tables, trust_tables
 from benchmarks.confusion import confusion_table
 from benchmarks.revisions import described, known_dates, revisions_in
 from egophys_core.files import write_atomically
@@ -28,6 +28,9 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any], Mapping[str, str]], str]]
     "cost": ("cost", tables.cost_table),
     "simulation": ("physics", tables.simulation_table),
     "effects": ("effects", tables.effects_table),
+    "faults": ("trust", trust_tables.faults_table),
+    "plans": ("trust", trust_tables.plans_table),
+    "stream": ("trust", trust_tables.stream_table),
 }
 """By the name in the text: the result file that a table is of, and what makes it of that file's content and of commits'
 dates."""

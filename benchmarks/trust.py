@@ -41,7 +41,7 @@ PARTS: dict[str, Callable[[], dict[str, Any]]] = {
 
 def run() -> dict[str, Any]:
     """The keys of `results/trust.json`; parts that an earlier run has measured are kept."""
-    missing = set(PARTS) - set(kept_in(FILE, {}).get("commits", {}))
+    missing = set(PARTS) - set(kept_in(FILE, {}).get("measured", {}))
     for part in PARTS:
         if part in missing:
             measure(part)
@@ -52,7 +52,7 @@ def measure(part: str) -> None:
     """Measure one part and write it down, with the commit it was measured at."""
     found = PARTS[part]()
     kept = kept_in(FILE, {})  # read late: parts may be measured side by side
-    write_json(FILE, {**kept, **found, "commits": {**kept.get("commits", {}), part: commit()}})
+    write_json(FILE, {**kept, **found, "measured": {**kept.get("measured", {}), part: {"commit": commit()}}})
 
 
 if __name__ == "__main__":

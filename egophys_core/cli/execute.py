@@ -45,11 +45,9 @@ def run(parsed: argparse.Namespace) -> int:
         Ownership,
         PlanExecutor,
         check_origin,
-        keep_timing_even,
         load_driver,
     )
 
-    keep_timing_even()
     file = read_plan(parsed.plan)
     check_origin(file.plan, file.stamp_ns, time.time_ns(), Origin(twin_id="", max_age=parsed.max_age))
     limits = MotionLimits.load(parsed.params_file) if parsed.params_file else MotionLimits()

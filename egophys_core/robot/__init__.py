@@ -4,7 +4,6 @@ from egophys_core.robot.arm_driver import ArmDriver, ArmIdentity, ArmState, load
 from egophys_core.robot.arm_link import ArmLink, LinkEvents
 from egophys_core.robot.calibration import Calibration, CalibrationRecord
 from egophys_core.robot.calibration_fit import FitQuality, FitReport, fit_world_to_base
-from egophys_core.robot.even_timing import keep_timing_even
 from egophys_core.robot.executed import ExecutedMotion
 from egophys_core.robot.execution import Clock, PlanExecutor
 from egophys_core.robot.frames import Transform, quaternions_from_rpy, rpy_from_quaternions
@@ -38,7 +37,6 @@ __all__ = [
     "check_origin",
     "check_plan",
     "fit_world_to_base",
-    "keep_timing_even",
     "load_driver",
     "quaternions_from_rpy",
     "read_touched_pairs",

@@ -11,6 +11,7 @@ import numpy as np
 from egophys_core.errors import RobotError
 from egophys_core.robot.arm_driver import ArmDriver
 from egophys_core.robot.calibration import Calibration
+from egophys_core.robot.even_timing import keep_timing_even
 from egophys_core.robot.executed import ExecutedMotion, Progress, Recorder
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.limits import MotionLimits, check_plan
@@ -168,6 +169,7 @@ class PlanExecutor:
             self._executing.release()
 
     def _run(self, approach: StraightMove, path: PlannedPath, recorder: Recorder) -> ExecutedMotion:
+        keep_timing_even()
         self.longest_gap = 0.0
         self._driver.begin_streaming()
         if self._has_gripper:

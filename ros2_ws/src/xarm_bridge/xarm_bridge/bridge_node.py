@@ -36,7 +36,6 @@ from egophys_core.robot import (
     Transform,
     check_origin,
     check_plan,
-    keep_timing_even,
     load_driver,
 )
 from egophys_core.waypoint_plan import NANOSECONDS, WaypointPlan, plan_of_message
@@ -345,7 +344,6 @@ def _plan_asked(goal: ExecutePlan.Goal) -> tuple[WaypointPlan, int]:
 
 def main() -> int:
     """Run the node; the exit code."""
-    keep_timing_even()
     return run_node(BridgeNode)
 
 

@@ -14,7 +14,7 @@ from egophys_core.robot.calibration import Calibration
 from egophys_core.robot.even_timing import keep_timing_even
 from egophys_core.robot.executed import ExecutedMotion, Progress, Recorder
 from egophys_core.robot.frames import Transform
-from egophys_core.robot.limits import MotionLimits, check_plan
+from egophys_core.robot.limits import MEASURED_SLACK, MotionLimits, check_plan
 from egophys_core.robot.measured_arm import MeasuredArm
 from egophys_core.robot.path import PlannedPath, StraightMove
 from egophys_core.robot.stream_guard import StreamGuard
@@ -192,7 +192,7 @@ class PlanExecutor:
 
     def _check_start(self, start: Transform) -> None:
         """The box is convex: from a start inside it, the straight approach stays inside."""
-        if reason := self._limits.why_not(start, self._calibration.world_to_base):
+        if reason := self._limits.why_not(start, self._calibration.world_to_base, slack=MEASURED_SLACK):
             raise RobotError(
                 f"the tool now stands where {reason}; move the arm to an allowed pose by hand or from the controller's "
                 "own interface first"

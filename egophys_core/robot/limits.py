@@ -17,6 +17,10 @@ ROS_KEY = "ros__parameters"
 ALIKE = 0.8
 """Likeness of two names (difflib's) from which one is taken for a misspelling of the other."""
 
+MEASURED_SLACK = 2e-3
+"""Metres and radians that a measured pose may be beyond a limit: an arm that was sent to the very edge of its box
+stands a rounding error outside, and has to be able to leave."""
+
 TURN_STEP_RAD = 0.1
 """Orientations between two waypoints are looked at in steps of at most this."""
 
@@ -98,17 +102,23 @@ class MotionLimits:
                 content[name] = tuple(number_array(content[name], f"{path}: {name}", 3).tolist())
         return from_mapping(cls, content)
 
-    def why_not(self, tool: Transform, world_to_base: Transform) -> str | None:
-        """Why the tool point must not have a pose (world), or None where it may."""
+    def why_not(self, tool: Transform, world_to_base: Transform, *, slack: float = 0.0) -> str | None:
+        """Why the tool point must not have a pose (world), or None where it may.
+
+        Args:
+            tool: the pose.
+            world_to_base: where the robot stands.
+            slack: metres and radians that it may be beyond, for poses that were measured.
+        """
         point = world_to_base.apply(tool.translation)
         for axis, value, low, high in zip("xyz", point, self.workspace_min_m, self.workspace_max_m, strict=True):
-            if not low <= value <= high:
+            if not low - slack <= value <= high + slack:
                 return f"{axis} = {value:.3f} m is outside the workspace {low:.3f} .. {high:.3f} m (robot base frame)"
         height = float(tool.translation[2])
-        if not height >= self.table_clearance_m:
+        if not height >= self.table_clearance_m - slack:
             return f"z = {height:.3f} m above the table is lower than {self.table_clearance_m:.3f} m"
         tilt = float(np.arccos(np.clip(-tool.rotation[2, 2], -1.0, 1.0)))
-        if not tilt <= self.max_tilt_rad:
+        if not tilt <= self.max_tilt_rad + slack:
             return f"the tool is tilted by {tilt:.2f} rad from straight down, at most {self.max_tilt_rad} rad may be"
         return None
 

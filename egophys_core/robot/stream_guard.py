@@ -4,7 +4,7 @@ import numpy as np
 
 from egophys_core.errors import RobotError
 from egophys_core.robot.frames import Transform
-from egophys_core.robot.limits import MotionLimits
+from egophys_core.robot.limits import MEASURED_SLACK, MotionLimits
 
 
 class StreamGuard:
@@ -31,7 +31,8 @@ class StreamGuard:
             RobotError: it must not be sent.
         """
         step = float(np.linalg.norm(pose.translation - self._before))
-        reason = self._limits.why_not(pose, self._world_to_base)
+        # The way to a plan begins where the arm was measured.
+        reason = self._limits.why_not(pose, self._world_to_base, slack=MEASURED_SLACK)
         if reason is None and not step <= self._largest_step:
             reason = f"it is {step:.4f} m from the pose before, at most {self._largest_step:.4f} m may be streamed"
         if reason is not None:

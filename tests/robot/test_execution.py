@@ -113,7 +113,7 @@ def test_without_a_permit_no_pose_is_streamed(arm):
     [
         ([0.0, 0.0, 0.104], None),
         ([0.0, 0.0, 0.106], "0.0060 m from the pose before"),
-        ([0.0, 0.0, -0.001], "outside the workspace"),
+        ([0.0, 0.0, -0.003], "outside the workspace"),
         ([np.nan, 0.0, 0.1], "outside the workspace"),
     ],
 )
@@ -125,6 +125,16 @@ def test_the_last_look_before_the_arm_knows_nothing_of_plans(place, reason):
     guard = StreamGuard(MotionLimits(), CALIBRATION.world_to_base, tool([0.0, 0.0, 0.1]), 0.005)
     with pytest.raises(RobotError, match=reason) if reason else nullcontext():
         guard.check(tool(place))
+
+
+def test_an_arm_at_the_very_edge_of_its_box_can_leave_it(arm):
+    edge = dataclasses.replace(PLAN, positions=np.array([[0.1, 0.0, 0.1], [0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]))
+    assert executor(arm).execute(edge).completed
+    arm.tcp = Transform(rotation=arm.tcp.rotation, translation=arm.tcp.translation + [1e-4, 0.0, 0.0])
+    assert executor(arm).execute(PLAN).completed
+    arm.tcp = Transform(rotation=arm.tcp.rotation, translation=np.array([0.66, 0.0, 0.3]))
+    with pytest.raises(RobotError, match=r"the tool now stands where x = 0.660 m is outside"):
+        executor(arm).execute(PLAN)
 
 
 def test_what_is_beyond_reach_is_refused_between_waypoints_too(arm):

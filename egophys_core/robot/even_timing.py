@@ -1,8 +1,12 @@
 """What a process does before it streams poses, so that nothing of its own holds the stream up."""
 
 import gc
+import sys
 
 from threadpoolctl import threadpool_limits
+
+SWITCH_S = 0.001
+"""How long another thread may keep the interpreter from the one that streams; Python's own 5 ms are half a period."""
 
 
 def keep_timing_even() -> None:
@@ -16,3 +20,4 @@ def keep_timing_even() -> None:
     gc.collect()
     gc.freeze()
     threadpool_limits(limits=1)
+    sys.setswitchinterval(SWITCH_S)

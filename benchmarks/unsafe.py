@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, given, settings
 
 from benchmarks.hostile_plans import BASE_IN_WORLD_MM, BOX_HIGH_MM, BOX_LOW_MM, TOOL_MM, plans, unsafe_commands
 from egophys_core.errors import ArmFaultError, ArmLostError, PlanningError, RobotError
-from egophys_core.robot import Calibration, Clock, MotionLimits, PlanExecutor, Transform, load_driver
+from egophys_core.robot import ArmDriver, Calibration, Clock, MotionLimits, PlanExecutor, Transform, load_driver
 from egophys_core.waypoint_plan import WaypointPlan
 
 SPEEDUP = 100
@@ -40,8 +40,8 @@ class RunningClock:
 
 
 @contextmanager
-def executor_on_emulator(address: str, wire: Path) -> Iterator[PlanExecutor]:
-    """An executor in front of an emulator of its own, whose wire is written down when the block has ended."""
+def arm_on_emulator(address: str, wire: Path) -> Iterator[tuple[ArmDriver, PlanExecutor]]:
+    """Driver and executor in front of an emulator of its own, whose wire is written down when the block has ended."""
     command = [sys.executable, "-m", "xarm_bridge.emulator.server", "--host", address, "--wire", str(wire)]
     start = ["--speedup", str(SPEEDUP), "--start", "450", "0", "322", "180", "0", "0"]
     with subprocess.Popen([*command, *start], cwd=PACKAGE, stdout=subprocess.PIPE, text=True) as emulator:
@@ -50,19 +50,21 @@ def executor_on_emulator(address: str, wire: Path) -> Iterator[PlanExecutor]:
         driver = load_driver("xarm_bridge.xarm6:XArm6", address)
         try:
             driver.connect()
-            yield PlanExecutor(driver, calibration=_calibration(), limits=_limits(), clock=RunningClock().clock())
+            clock = RunningClock().clock()
+            yield driver, PlanExecutor(driver, calibration=_calibration(), limits=_limits(), clock=clock)
         finally:
             driver.close()
             emulator.terminate()
 
 
-def try_plan(executor: PlanExecutor, plan: WaypointPlan) -> str:
+def try_plan(driver: ArmDriver, executor: PlanExecutor, plan: WaypointPlan) -> str:
     """What became of a plan: executed, refused, too long, or the error that should not have been."""
     if np.isfinite(plan.times).all() and plan.times[-1] > LONGEST_S:
         return "too long"
     try:
         return "executed" if executor.execute(plan).completed else "stopped"
     except (ArmFaultError, ArmLostError) as error:
+        driver.clear_error()
         return f"failed: {error}"
     except (RobotError, PlanningError):
         return "refused"
@@ -73,13 +75,13 @@ def measure(count: int, address: str) -> dict[str, Any]:
     outcomes: Counter[str] = Counter()
     with TemporaryDirectory() as folder:
         wire = Path(folder) / "wire.jsonl"
-        with executor_on_emulator(address, wire) as executor:
+        with arm_on_emulator(address, wire) as (driver, executor):
             numbers = itertools.count()
 
             @settings(max_examples=count, deadline=None, database=None, suppress_health_check=list(HealthCheck))
             @given(plans())
             def try_all(plan: WaypointPlan) -> None:
-                outcomes[try_plan(executor, plan)] += 1
+                outcomes[try_plan(driver, executor, plan)] += 1
                 if next(numbers) % 500 == 0:
                     print(dict(outcomes), flush=True)
 

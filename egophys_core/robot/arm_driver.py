@@ -6,6 +6,7 @@ business of `Calibration`; whether a pose may be sent is that of `PlanExecutor`.
 
 import importlib
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,8 +93,12 @@ class ArmDriver(ABC):
         """Stop the arm now and have the controller confirm it."""
 
     @abstractmethod
-    def reachable(self, pose: Transform) -> bool:
-        """Whether the arm can have this pose; nothing moves."""
+    def first_unreachable(self, poses: Sequence[Transform]) -> int | None:
+        """Which of poses the arm cannot go to, one after the other from where it stands; None if it can. Nothing moves.
+
+        Args:
+            poses: close to each other, so that joints that would have to jump are noticed.
+        """
 
     @abstractmethod
     def begin_streaming(self) -> None:

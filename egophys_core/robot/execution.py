@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from egophys_core.robot.executed import ExecutedMotion, Progress, Recorder
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.limits import MEASURED_SLACK, MotionLimits, check_plan
 from egophys_core.robot.measured_arm import MeasuredArm
-from egophys_core.robot.path import PlannedPath, StraightMove
+from egophys_core.robot.path import PlannedPath, StraightMove, poses_between
 from egophys_core.robot.stream_guard import StreamGuard
 from egophys_core.waypoint_plan import WaypointPlan
 
@@ -40,8 +41,8 @@ SETTLED_TRAVEL_M = 2e-4
 """Standing still: tool and fingers move less than this in a settle interval."""
 
 
-REACH_SPACING_M = 0.03
-"""Along the path the arm is asked whether it can reach points at most this far apart."""
+REACH_SPACING_M = 0.005
+"""Along the path the arm is asked whether it can follow poses at most this far apart."""
 PACE_TOLERANCE = 1.25
 """How much farther apart than the limits allow in `LONGEST_STEP` two streamed poses may be."""
 
@@ -129,8 +130,10 @@ class PlanExecutor:
         path = PlannedPath(plan)
         approach = StraightMove(start, path.pose_at(0.0), self._limits)
         names = [f"waypoint {index} (t={time_s:.2f} s)" for index, time_s in enumerate(plan.times)]
-        self._check_reach(path.pose_at, plan.times, names)
-        self._check_reach(approach.pose_at, np.array([0.0, approach.duration]), ["where the tool stands", names[0]])
+        ways = [(f"on the way to {names[0]}", poses_between(approach.pose_at, 0.0, approach.duration, REACH_SPACING_M))]
+        for name, (first, last) in zip(names[1:], pairwise(plan.times.tolist()), strict=True):
+            ways.append((f"on the way to {name}", poses_between(path.pose_at, first, last, REACH_SPACING_M)))
+        self._check_reach(ways)
 
     def execute(
         self,
@@ -198,20 +201,14 @@ class PlanExecutor:
                 "own interface first"
             )
 
-    def _check_reach(self, pose_at: Callable[[float], Transform], times: np.ndarray, names: list[str]) -> None:
-        """Whether the arm reaches the poses at the times, which are called by their names, and those between them."""
-        for time_s, name in zip(times, names, strict=True):
-            self._require_reachable(pose_at(float(time_s)), name)
-        places = np.array([pose_at(float(time_s)).translation for time_s in times])
-        for index, length in enumerate(np.linalg.norm(np.diff(places, axis=0), axis=1)):
-            parts = int(np.ceil(length / REACH_SPACING_M))
-            for time_s in np.linspace(times[index], times[index + 1], parts + 1)[1:-1]:
-                self._require_reachable(pose_at(float(time_s)), f"between {names[index]} and {names[index + 1]}")
-
-    def _require_reachable(self, tool: Transform, where: str) -> None:
-        if not self._driver.reachable(self._calibration.tcp_in_base(tool)):
+    def _check_reach(self, ways: list[tuple[str, list[Transform]]]) -> None:
+        """Whether the arm can follow all ways, one after the other, which are called by their names."""
+        tools = [(name, tool) for name, way in ways for tool in way]
+        found = self._driver.first_unreachable([self._calibration.tcp_in_base(tool) for _, tool in tools])
+        if found is not None:
+            name, tool = tools[found]
             raise RobotError(
-                f"{where}: the arm cannot reach {np.round(tool.translation, 3).tolist()} m (world) with orientation "
+                f"{name}: the arm cannot reach {np.round(tool.translation, 3).tolist()} m (world) with orientation "
                 f"{np.round(tool.quaternion, 3).tolist()}; move it closer or turn the tool"
             )
 

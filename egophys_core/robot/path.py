@@ -1,5 +1,7 @@
 """Where the tool should be at a time: along a plan, or on the way to its first waypoint."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -8,11 +10,29 @@ from egophys_core.robot.frames import Transform
 from egophys_core.robot.limits import MotionLimits
 from egophys_core.waypoint_plan import WaypointPlan
 
+RADIANS_PER_METRE = 5.0
+"""How much of a turn counts as a metre of the way."""
+
 PEAK_SPEED = 1.875
 """Largest ds/dtau of the minimum-jerk law s = 10 tau^3 - 15 tau^4 + 6 tau^5 (at tau = 1/2)."""
 
 PEAK_ACCELERATION = 10 / np.sqrt(3)
 """Largest d2s/dtau2 of the minimum-jerk law."""
+
+
+def poses_between(pose_at: Callable[[float], Transform], first: float, last: float, spacing: float) -> list[Transform]:
+    """Poses on a straight, steadily turning way, the end among them and the start not.
+
+    Args:
+        pose_at: pose at a time in seconds.
+        first: time of the start.
+        last: time of the end.
+        spacing: largest distance of two poses, metres; turns count by `RADIANS_PER_METRE`.
+    """
+    start, end = pose_at(first), pose_at(last)
+    turn = Rotation.from_matrix(start.rotation.T @ end.rotation).magnitude()
+    length = max(float(np.linalg.norm(end.translation - start.translation)), float(turn) / RADIANS_PER_METRE)
+    return [pose_at(float(time)) for time in np.linspace(first, last, 2 + int(length / spacing))[1:]]
 
 
 class PlannedPath:

@@ -55,8 +55,9 @@ class SecondArm(ArmDriver):
         self._require_answer()
         self.is_streaming = False
 
-    def reachable(self, pose: Transform) -> bool:
-        return float(np.linalg.norm(pose.translation)) < REACH_M
+    def first_unreachable(self, poses):
+        far = (index for index, pose in enumerate(poses) if np.linalg.norm(pose.translation) >= REACH_M)
+        return next(far, None)
 
     def begin_streaming(self) -> None:
         self.is_streaming = True

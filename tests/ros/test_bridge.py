@@ -14,14 +14,14 @@ from action_msgs.msg import GoalStatus
 from diagnostic_msgs.msg import DiagnosticArray
 from egophys_msgs.action import ExecutePlan
 from egophys_ros_common.conversions import plan_message, time_message
-from egophys_ros_common.processes import MESSAGE_TIMEOUT
+from egophys_ros_common.processes import MESSAGE_TIMEOUT, wait_until
 from egophys_ros_common.qos import latched
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from lifecycle_msgs.msg import Transition
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 from std_srvs.srv import Trigger
-from xarm_bridge.emulator.kinematics import forward
+from xarm_bridge.kinematics import forward
 
 from egophys_core.plan_file import PlanFile, write_plan
 from egophys_core.robot import Calibration, Transform
@@ -215,8 +215,10 @@ def test_deactivating_stops_the_arm_and_cleanup_allows_another_start(bridge, cli
     client.start(NODE)
     ended = execute(client, SHORT)
     assert ended.result.success, ended.result.message
-    start_long_plan(client)
+    ended = start_long_plan(client).get_result_async()
     assert node.interrupt() == 0, "Ctrl-C in the middle of a plan"
+    wait_until(ended.done, 10, "the goal's result, from the bridge that was told to end")
+    assert "stopped before the end" in ended.result().result.message
 
 
 @pytest.mark.parametrize(

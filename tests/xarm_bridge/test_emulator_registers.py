@@ -10,10 +10,10 @@ from xarm_bridge.emulator.controller import Controller
 from xarm_bridge.emulator.devices import Devices
 from xarm_bridge.emulator.gripper import Gripper
 from xarm_bridge.emulator.holding import HoldingRegisters
-from xarm_bridge.emulator.kinematics import Pose
 from xarm_bridge.emulator.names import NAMES
 from xarm_bridge.emulator.registers import answer
 from xarm_bridge.emulator.report import normal_report, real_report, rich_report
+from xarm_bridge.kinematics import Pose
 
 LIMITS = np.array(XCONF.Robot.JOINT_LIMITS[6][6])
 ODD = [0.0, -0.0, 1e-40, -1.0, 1e5, 1e6, 3e38, -3e38, math.inf, -math.inf, math.nan]

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from xarm.x3.report import ReportDataStructure
 from xarm_bridge.emulator.controller import Controller
 from xarm_bridge.emulator.faults import Fault
-from xarm_bridge.emulator.kinematics import Pose
 from xarm_bridge.emulator.protocol import ProtocolError, RequestReader
 from xarm_bridge.emulator.report import normal_report, real_report, rich_report
+from xarm_bridge.kinematics import Pose
 
 from tests.xarm_bridge.emulator_process import EmulatorProcess
 

@@ -5,7 +5,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from xarm_bridge.emulator.kinematics import JOINT_LIMITS, forward
+from xarm_bridge.kinematics import JOINT_LIMITS, forward
 
 from tests.xarm_bridge.emulator_process import PACKAGE
 

@@ -23,7 +23,7 @@ from egophys_ros_common.parameters_help import parameters_text
 
 GOALS_END_S = 5.0
 """How long a node that was told to end waits for its goals to be answered; what they do has been stopped before."""
-LAST_WORDS_S = 1.0
+LAST_WORDS_S = 2.0
 """How long a node that could not start stays, so that its reason is heard."""
 LAST_SPINS, LAST_SPIN_S = 5, 0.02
 """Turns of the executor that send the answers of goals that have just ended."""

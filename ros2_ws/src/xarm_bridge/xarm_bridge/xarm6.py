@@ -6,13 +6,15 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import ArmFaultError, ArmLostError, RobotError
 from egophys_core.robot import ArmDriver, ArmIdentity, ArmState, Transform
+from xarm_bridge.kinematics import JOINT_LIMITS, Pose, inverse_near
 from xarm_bridge.user_registers import UserRegisters
 
 # The SDK prints when it is imported and binds its loggers to what is stdout then; results belong on stdout.
@@ -42,6 +44,10 @@ GRIPPER_SPEED = 3000
 """r/min of the gripper's motor, of at most 5000."""
 
 
+POSES_PER_QUESTION = 10
+"""Of a path of poses 5 mm apart the controller is asked for each tenth: it takes a millisecond or more to answer."""
+LARGEST_JOINT_STEP = 0.3
+"""Radians between poses 5 mm apart; near a singular pose joints would have to jump."""
 FIRST_NOTE_REGISTER = 480
 """The last of the registers for users, 256 to 511, which other programs are least likely to use."""
 EMULATOR_MARK = "EMU"
@@ -121,8 +127,22 @@ class XArm6(ArmDriver):
         target = [*(pose.translation * 1000.0).tolist(), *pose.rpy.tolist()]
         self._call("streaming a pose", self._api.set_servo_cartesian, target)
 
-    def reachable(self, pose: Transform) -> bool:
-        """Whether the controller's inverse kinematics has a solution; nothing moves."""
+    def first_unreachable(self, poses: Sequence[Transform]) -> int | None:
+        """By the manual's kinematics, from the present joints on; now and then the controller is asked, too."""
+        joints = self.state().joints
+        offset = Pose.from_wire(tuple(self._api.tcp_offset)).inverse()
+        for index, pose in enumerate(poses):
+            tcp = Pose(pose.translation * 1000.0, Rotation.from_matrix(pose.rotation))
+            followed = inverse_near(tcp @ offset, joints)
+            if followed is None or not _may_go(joints, followed):
+                return index
+            joints = followed
+            if (index % POSES_PER_QUESTION == 0 or index == len(poses) - 1) and not self._allows(pose):
+                return index
+        return None
+
+    def _allows(self, pose: Transform) -> bool:
+        """Whether the controller's own inverse kinematics has a solution, inside the boundaries it was given."""
         target = [*(pose.translation * 1000.0).tolist(), *pose.rpy.tolist()]
         code, _ = self._api.get_inverse_kinematics(target)
         if code == REFUSED:
@@ -274,6 +294,12 @@ class XArm6(ArmDriver):
         if code == NOT_READY:
             raise RobotError(f"{doing}: the arm was stopped or disabled from elsewhere; look at it, then plan again")
         raise RobotError(f"{doing}: the controller at {self._address} refused (SDK code {code})")
+
+
+def _may_go(joints: np.ndarray, to: np.ndarray) -> bool:
+    """Whether joints [6] may go to others, radians: inside their ranges, and without a jump to another solution."""
+    inside = (to >= JOINT_LIMITS[:, 0]) & (to <= JOINT_LIMITS[:, 1])
+    return bool(inside.all() and np.abs(to - joints).max() < LARGEST_JOINT_STEP)
 
 
 @contextlib.contextmanager

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from xarm_bridge.emulator.kinematics import Pose
 from xarm_bridge.emulator.motion import Trapezoid
+from xarm_bridge.kinematics import Pose
 
 THINNEST = 1e-6
 """Sine of the angle between the directions to the two points below which they count as on one line with the start."""

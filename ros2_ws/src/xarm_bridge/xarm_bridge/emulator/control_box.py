@@ -13,7 +13,6 @@ from xarm_bridge.emulator.feedback import SET_TYPES, Feedback
 from xarm_bridge.emulator.gripper import Gripper
 from xarm_bridge.emulator.holding import HoldingRegisters
 from xarm_bridge.emulator.journal import Journal
-from xarm_bridge.emulator.kinematics import Pose
 from xarm_bridge.emulator.network import Network, Service
 from xarm_bridge.emulator.protocol import (
     PRIVATE_PROTOCOLS,
@@ -26,6 +25,7 @@ from xarm_bridge.emulator.protocol import (
 )
 from xarm_bridge.emulator.registers import answer
 from xarm_bridge.emulator.report import normal_report, real_report, rich_report
+from xarm_bridge.kinematics import Pose
 
 log = logging.getLogger("xarm_emulator")
 

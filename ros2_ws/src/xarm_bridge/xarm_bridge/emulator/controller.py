@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from xarm_bridge.emulator.circle import CircleMove
-from xarm_bridge.emulator.kinematics import JOINTS, Pose
 from xarm_bridge.emulator.mechanics import Mechanics
 from xarm_bridge.emulator.motion import Dwell, JointMove, LineMove, Place
 from xarm_bridge.emulator.motion_queue import MotionQueue
@@ -15,6 +14,7 @@ from xarm_bridge.emulator.protocol import Status
 from xarm_bridge.emulator.reduced import ReducedMode
 from xarm_bridge.emulator.states import CIRCLE_ERROR, MOTORS_LOSE_POWER, Mode, MotionError, RefusedError, State
 from xarm_bridge.emulator.streaming import SERVO_LARGEST_STEP, JointVelocity, Velocity, towards_joints, towards_pose
+from xarm_bridge.kinematics import JOINTS, Pose
 
 log = logging.getLogger("xarm_emulator")
 

@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from xarm_bridge.emulator.kinematics import JOINTS, READY_JOINTS, Pose, forward, inverse, inverse_near
 from xarm_bridge.emulator.motion import Place
 from xarm_bridge.emulator.reduced import ReducedMode
 from xarm_bridge.emulator.states import BOUNDARY_ERROR, JOINT_LIMIT_ERROR, KINEMATIC_ERROR, MotionError
+from xarm_bridge.kinematics import JOINTS, READY_JOINTS, Pose, forward, inverse, inverse_near
 
 CONTROL_CYCLE = 0.004
 """Seconds; speeds are measured over at least one (UFACTORY: the control loop runs at 250 Hz)."""

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from xarm_bridge.emulator.kinematics import Pose
+from xarm_bridge.kinematics import Pose
 
 PURE_ROTATION = 1e-3
 """Below this length in millimetres a move is a rotation, and its speed is read in degrees per second."""

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from xarm_bridge.emulator.controller import Controller
 from xarm_bridge.emulator.devices import Devices, Handler, finite_floats, flag, goal_floats, keeping
-from xarm_bridge.emulator.kinematics import JOINTS, Pose
 from xarm_bridge.emulator.motion import Place
 from xarm_bridge.emulator.streaming import JointVelocity, ToolVelocity
+from xarm_bridge.kinematics import JOINTS, Pose
 
 
 def _pose(values: tuple[float, ...], *, axis_angle: int = 0) -> Pose:

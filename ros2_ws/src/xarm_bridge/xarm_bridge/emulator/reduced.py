@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from xarm_bridge.emulator.kinematics import JOINT_LIMITS
 from xarm_bridge.emulator.protocol import pack_floats
 from xarm_bridge.emulator.streaming import SpeedLimits
+from xarm_bridge.kinematics import JOINT_LIMITS
 
 WIRE_JOINTS = 7
 FULL_SPEED = SpeedLimits()

@@ -9,12 +9,12 @@ import numpy as np
 
 from xarm_bridge.emulator.devices import Devices, Handler, finite_floats, flag
 from xarm_bridge.emulator.identity import serial_field, version_field
-from xarm_bridge.emulator.kinematics import JOINTS, Pose, forward, inverse
 from xarm_bridge.emulator.motion_registers import MOTION_HANDLERS
 from xarm_bridge.emulator.names import register_title
 from xarm_bridge.emulator.protocol import Status, pack_floats
 from xarm_bridge.emulator.reduced import WIRE_JOINTS
 from xarm_bridge.emulator.states import RefusedError
+from xarm_bridge.kinematics import JOINTS, Pose, forward, inverse
 
 log = logging.getLogger("xarm_emulator")
 

@@ -14,7 +14,7 @@ from xarm_bridge.emulator.control_box import ControlBox
 from xarm_bridge.emulator.faults import HELP, Fault
 from xarm_bridge.emulator.identity import robot_serial
 from xarm_bridge.emulator.journal import Journal
-from xarm_bridge.emulator.kinematics import Pose
+from xarm_bridge.kinematics import Pose
 
 
 def _parser() -> argparse.ArgumentParser:

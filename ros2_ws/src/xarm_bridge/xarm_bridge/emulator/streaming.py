@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from xarm_bridge.emulator.kinematics import Pose
+from xarm_bridge.kinematics import Pose
 
 SERVO_LARGEST_STEP = 10.0
 """mm; farther targets are not executed (UFACTORY, Guide to use set_servo_cartesian)."""

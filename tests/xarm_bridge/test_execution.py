@@ -10,6 +10,7 @@ import pytest
 from xarm_bridge.xarm6 import XArm6
 
 from egophys_core.errors import RobotError
+from egophys_core.robot import ArmTakenError, Ownership
 from tests.xarm_bridge.emulator_process import PACKAGE, make_plan
 
 SQUARE = make_plan(
@@ -199,3 +200,18 @@ def test_two_emulators_side_by_side(start_emulator, connect_arm):
     assert first.executor.execute(make_plan([[0.0, 0.1, 0.1]], [0.0])).completed
     np.testing.assert_allclose(first.executor.tool_pose().translation, [0.0, 0.1, 0.1], atol=1e-4)
     np.testing.assert_allclose(second.executor.tool_pose().translation, untouched, atol=1e-6)
+
+
+def test_a_note_on_the_control_box_is_seen_by_other_machines(start_emulator, connect_arm):
+    """The lock of a machine is by the serial number: another one stands for another machine's."""
+    emulator = start_emulator()
+    first, second = (
+        Ownership(connect_arm(emulator).driver, f"{emulator.host}-{machine}", f"/{machine}/bridge_node")
+        for machine in ("lab", "office")
+    )
+    first.acquire()
+    assert first.is_seen_elsewhere
+    with pytest.raises(ArmTakenError, match=r"is driven by /lab/bridge_node"):
+        second.acquire(sleep=lambda seconds: first.renew())
+    first.release()
+    second.acquire(sleep=lambda seconds: None)

@@ -20,6 +20,8 @@ from egophys_core.waypoint_plan import WaypointPlan
 
 SPEEDUP = 100
 """Of the emulated arm, so that it stands where it was told before the next pose comes."""
+STREAM_PERIOD = 0.02
+"""The longest that the executor lets a plan go on between two poses: the steps are the largest that it ever sends."""
 LONGEST_S = 20.0
 """Plans that take longer are hostile by their length alone; the stretch that is wanted here is short."""
 PACKAGE = Path(__file__).resolve().parents[1] / "ros2_ws/src/xarm_bridge"
@@ -50,6 +52,7 @@ def arm_on_emulator(address: str, wire: Path) -> Iterator[tuple[ArmDriver, PlanE
         driver = load_driver("xarm_bridge.xarm6:XArm6", address)
         try:
             driver.connect()
+            driver.stream_period = STREAM_PERIOD
             clock = RunningClock().clock()
             yield driver, PlanExecutor(driver, calibration=_calibration(), limits=_limits(), clock=clock)
         finally:

@@ -158,4 +158,6 @@ def load_driver(name: str, address: str) -> ArmDriver:
         ) from error
     if not (isinstance(kind, type) and issubclass(kind, ArmDriver)):
         raise RobotError(f"{name} is no subclass of egophys_core.robot.ArmDriver")
+    if lacking := sorted(kind.__abstractmethods__):
+        raise RobotError(f"the driver {name} lacks {', '.join(lacking)} of egophys_core.robot.ArmDriver; write them")
     return kind(address)

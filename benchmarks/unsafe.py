@@ -5,7 +5,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -46,18 +46,19 @@ def arm_on_emulator(address: str, wire: Path) -> Iterator[tuple[ArmDriver, PlanE
     """Driver and executor in front of an emulator of its own, whose wire is written down when the block has ended."""
     command = [sys.executable, "-m", "xarm_bridge.emulator.server", "--host", address, "--wire", str(wire)]
     start = ["--speedup", str(SPEEDUP), "--start", "450", "0", "322", "180", "0", "0"]
-    with subprocess.Popen([*command, *start], cwd=PACKAGE, stdout=subprocess.PIPE, text=True) as emulator:
+    with ExitStack() as stack:
+        emulator = stack.enter_context(
+            subprocess.Popen([*command, *start], cwd=PACKAGE, stdout=subprocess.PIPE, text=True)
+        )
+        stack.callback(emulator.terminate)
         assert emulator.stdout is not None
         assert "ready on" in emulator.stdout.readline()
         driver = load_driver("xarm_bridge.xarm6:XArm6", address)
-        try:
-            driver.connect()
-            driver.stream_period = STREAM_PERIOD
-            clock = RunningClock().clock()
-            yield driver, PlanExecutor(driver, calibration=_calibration(), limits=_limits(), clock=clock)
-        finally:
-            driver.close()
-            emulator.terminate()
+        stack.callback(driver.close)
+        driver.connect()
+        driver.stream_period = STREAM_PERIOD
+        clock = RunningClock().clock()
+        yield driver, PlanExecutor(driver, calibration=_calibration(), limits=_limits(), clock=clock)
 
 
 def try_plan(driver: ArmDriver, executor: PlanExecutor, plan: WaypointPlan) -> str:

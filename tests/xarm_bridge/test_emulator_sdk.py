@@ -34,7 +34,7 @@ def test_absolute_and_relative_lines(ready):
 
 def test_queued_lines_run_one_after_the_other(ready):
     for y in (40, 80, 120):
-        assert ready.set_position(400, y, 250, *DOWN, radius=5, speed=100, wait=False) == 0
+        assert ready.set_position(400, y, 250, *DOWN, radius=5, speed=20, wait=False) == 0
     assert ready.get_cmdnum()[1] >= 2
     wait_until(lambda: ready.get_cmdnum() == (0, 0) and ready.get_state() == (0, 2), 10, "end of the queue")
     np.testing.assert_allclose(position(ready)[:3], [400, 120, 250], atol=1e-3)

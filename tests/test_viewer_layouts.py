@@ -30,8 +30,9 @@ def published() -> dict[str, str]:
         cells = [cell.strip() for cell in line.strip("|").split("|")]
         if len(cells) == 4 and cells[1] in ("latched", "topic"):
             node = cells[0].strip("`") or node
-            names = re.findall(r"`([~/][\w/]+)`", cells[2])
-            found |= {name.replace("~", f"/{node}"): cells[1] for name in names}
+            names = re.findall(r"`([~/\w]+)`", cells[2])
+            # Names without a slash are relative: at the root where there is no namespace.
+            found |= {f"/{name.replace('~', node).lstrip('/')}": cells[1] for name in names}
         elif len(cells) == 4:
             node = cells[0].strip("`") or node
     return found

@@ -25,6 +25,8 @@ GOALS_END_S = 5.0
 """How long a node that was told to end waits for its goals to be answered; what they do has been stopped before."""
 LAST_WORDS_S = 2.0
 """How long a node that could not start stays, so that its reason is heard."""
+NOBODY_LISTENS_S = 8.0
+"""How long it stays where nobody who listens has been found: on a busy machine that takes long."""
 LAST_SPINS, LAST_SPIN_S = 5, 0.02
 """Turns of the executor that send the answers of goals that have just ended."""
 
@@ -80,10 +82,7 @@ def _spin(node: ManagedNode, executor: SingleThreadedExecutor) -> int:
                 f"waits to be configured: ros2 lifecycle set {node.get_fully_qualified_name()} configure"
             )
         elif not _started(node):
-            # Whoever records /rosout has to find this node first.
-            deadline = time.monotonic() + LAST_WORDS_S
-            while time.monotonic() < deadline:
-                executor.spin_once(LAST_SPIN_S)
+            _stay_until_heard(node, executor)
             return COULD_NOT_START
         # Not spin_until_future_complete, which adds a callback to the future each time that something happens.
         while rclpy.ok() and not told_to_end.is_set():
@@ -95,6 +94,17 @@ def _spin(node: ManagedNode, executor: SingleThreadedExecutor) -> int:
         for _ in range(LAST_SPINS):
             executor.spin_once(LAST_SPIN_S)
     return ENDED
+
+
+def _stay_until_heard(node: ManagedNode, executor: SingleThreadedExecutor) -> None:
+    """Whoever records /rosout has to find this node first, and then to receive what it said."""
+    began = heard_since = time.monotonic()
+    while (now := time.monotonic()) < began + NOBODY_LISTENS_S:
+        executor.spin_once(LAST_SPIN_S)
+        if node.count_subscribers("/rosout") == 0:
+            heard_since = now
+        elif now > heard_since + LAST_WORDS_S:
+            break
 
 
 def _warn_of_misspelt_parameters(node: ManagedNode) -> None:

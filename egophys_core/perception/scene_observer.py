@@ -64,7 +64,8 @@ class SceneObserver:
         if not np.isfinite(view.world_from_camera).all() or is_black(view):
             return []
         if self._forward is not None and self._masks is not None:
-            seen = _Seen(view=view, masks=self._masks.next(view))
+            # Colours alone take a hand of the object's colours for the object; the surface knows how far it reaches.
+            seen = _Seen(view=view, masks=self._masks.next(view, self._forward.silhouette(view)))
             return [self._forward.next(seen)]
         self._waiting.append(view)
         if (view.stamp_ns - self._waiting[0].stamp_ns) * 1e-9 < self._options.still_s:
@@ -132,6 +133,10 @@ class _Follower:
             hand_width=np.nan,
         )
         return self._observation(seen, state)
+
+    def silhouette(self, view: View) -> np.ndarray:
+        """[S, S] bool: where the object is expected in the next view, also behind hands."""
+        return self._surface.silhouette(view)
 
     def next(self, seen: _Seen) -> Observation:
         return self._observation(seen, self._surface.next(seen.view, seen.masks))

@@ -19,10 +19,13 @@ from egophys_core.perception.masks.table_background import (
     table_log_likelihood,
     table_places,
 )
+from egophys_core.perception.masks.texture_model import TextureModel, texture_codes
 from egophys_core.perception.stages import Masks, View
 
 _BESIDE = 12.0
 """Pixels from the hand."""
+_TAUGHT = 40.0
+"""Pixels from the hand beyond which what looks like the object is learnt as such."""
 _SAME_LIGHT = 0.15
 """Change of the logarithm of brightness that is no other light."""
 _SMOOTHING = 1.2
@@ -66,6 +69,7 @@ class MaskTracker:
         self._object_colours = ColourModel(shading=0.25, background_share=0.03)
         self._hand_colours = ColourModel(shading=0.15, background_share=0.05)
         self._rest_colours = ColourModel(shading=0.10, background_share=0.01)
+        self._object_texture, self._hand_texture, self._rest_texture = TextureModel(), TextureModel(), TextureModel()
         self._table: TableBackground | None = None
         self._area = np.count_nonzero(object_mask)
         self._grey = cv2.cvtColor(first_view.image, cv2.COLOR_BGR2GRAY)
@@ -78,8 +82,10 @@ class MaskTracker:
         codes = colour_codes(image)
         inner = cv2.erode(object_mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         self._object_colours.learn(codes[inner if inner.any() else object_mask])
+        self._object_texture.learn(texture_codes(image)[inner if inner.any() else object_mask])
         outer = cv2.dilate(object_mask.astype(np.uint8), np.ones((7, 7), np.uint8)) == 0
         self._rest_colours.learn(codes[outer])
+        self._rest_texture.learn(texture_codes(image)[outer])
         self._level = float(np.median(self._grey[outer])) if outer.any() else float(np.median(self._grey))
         if has_pose(first_view):
             y, x = np.nonzero(object_mask)
@@ -109,8 +115,9 @@ class MaskTracker:
         image = cv2.GaussianBlur(image, (0, 0), _NOISE_BLUR)
         codes, features = colour_codes(image), log_features(image)
 
-        of_object = self._object_colours.log_likelihood(codes)
-        of_hand = self._hand_colours.log_likelihood(codes)
+        texture = texture_codes(image)
+        of_object = self._object_colours.log_likelihood(codes) + self._object_texture.log_likelihood(texture)
+        of_hand = self._hand_colours.log_likelihood(codes) + self._hand_texture.log_likelihood(texture)
         of_rest = self._rest_colours.log_likelihood(codes)
         is_darker = is_brighter = empty
         if expected is not None:
@@ -119,6 +126,7 @@ class MaskTracker:
             darker = features[..., 2] < expected.mean[..., 2]
             is_darker, is_brighter = relit & darker, relit & ~darker
             of_rest = np.where(expected.inside, np.maximum(same, other), of_rest)
+        of_rest = of_rest + np.where(is_darker, 0.0, self._rest_texture.log_likelihood(texture)).astype(np.float32)
 
         outside_object = _distance_outside(amodal)
         outside_hand = _distance_outside(last_hand)
@@ -139,7 +147,7 @@ class MaskTracker:
         label = scores.argmax(axis=-1)
         found, hand = self._cleaned(label, scores, amodal, last_hand, lost)
         hand = _supported(hand, of_hand - of_rest)
-        self._learn(view, codes, features, found, hand, is_darker, is_brighter, of_object, of_rest, expected)
+        self._learn(view, codes, texture, features, found, hand, is_darker, is_brighter, of_object, of_rest, expected)
         self._grey, self._pose = grey, view
         self._object, self._hand = found, hand
         self._amodal = found | (amodal & hand)
@@ -212,6 +220,7 @@ class MaskTracker:
         self,
         view: View,
         codes: np.ndarray,
+        texture: np.ndarray,
         features: np.ndarray,
         found: np.ndarray,
         hand: np.ndarray,
@@ -222,13 +231,16 @@ class MaskTracker:
         expected: ExpectedTable | None,
     ) -> None:
         small, large = np.ones((5, 5), np.uint8), np.ones((9, 9), np.uint8)
-        inner = cv2.erode(found.astype(np.uint8), small) > 0
+        # What of a hand is taken for the object must not be learnt as the object: more of it would follow.
+        inner = (cv2.erode(found.astype(np.uint8), small) > 0) & (_distance_outside(hand) > _TAUGHT)
         if np.count_nonzero(inner) > 0.2 * self._area:
             self._object_colours.learn(codes[inner], rate=0.03)
+            self._object_texture.learn(texture[inner], rate=0.03)
         inner = cv2.erode(hand.astype(np.uint8), small) > 0
         if np.count_nonzero(inner) > 30:
             usual = np.median(of_rest[~found & ~hand])
             self._hand_colours.learn(codes[inner & (of_rest < usual - 4)], rate=0.1)
+            self._hand_texture.learn(texture[inner], rate=0.1)
         if self._table is not None and expected is not None:
             near = cv2.dilate((found | hand).astype(np.uint8), large) > 0
             trusted = expected.seen | (_distance_outside(hand) > _BESIDE)

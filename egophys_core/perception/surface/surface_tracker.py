@@ -11,7 +11,7 @@ from egophys_core.perception.masks import silhouette
 from egophys_core.perception.options import ObjectKind
 from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface import feature_search
-from egophys_core.perception.surface.feature_search import Found
+from egophys_core.perception.surface.feature_search import Found, RenderedSurface
 from egophys_core.perception.surface.patch_match import even_contrast
 from egophys_core.perception.surface.rest_surface import RestObject
 from egophys_core.perception.surface.surface_fit import Correspondences, Distances, FittedSurface, fitter_of
@@ -118,7 +118,7 @@ class SurfaceTracker:
         evened = even_contrast(view.image)
         motion = self._follow_hand(view, masks)
         step_s = abs(view.stamp_ns - self._stamp_ns) * 1e-9
-        predicted = self._predicted(min(step_s, LONGEST_STEP_S))
+        predicted = self._predicted(self._step_s(view))
         carried = feature_search.follow(self._found, self._evened, evened, masks)
         distances = self._held_depth()
         fitted, found = self._solve(view, masks, evened, predicted, predicted, carried, distances, LEVELS[0])
@@ -146,6 +146,17 @@ class SurfaceTracker:
             hand_width=float(np.median(self._widths)) if self._widths else np.nan,
         )
 
+    def silhouette(self, view: View) -> np.ndarray:
+        """[S, S] bool: where the surface is expected in the next view, also behind hands."""
+        return self._scene(self._predicted(self._step_s(view)), view).rendering.silhouette
+
+    def _step_s(self, view: View) -> float:
+        return min(abs(view.stamp_ns - self._stamp_ns) * 1e-9, LONGEST_STEP_S)
+
+    def _scene(self, positions: np.ndarray, view: View) -> RenderedSurface:
+        skins = (self._fitter.skin(positions, 1.0), self._fitter.skin(positions, -1.0))
+        return feature_search.scene_of(self._rest, skins, view)
+
     def _predicted(self, step_s: float) -> np.ndarray:
         predicted = self._positions + step_s * DAMPING * self._velocity
         if self._rest.kind == ObjectKind.SHEET:
@@ -165,7 +176,7 @@ class SurfaceTracker:
     ) -> tuple[FittedSurface, Found]:
         """One round: render at the start, compare, solve. What is found stands first among the correspondences."""
         fitter = self._fitter
-        scene = feature_search.scene_of(self._rest, (fitter.skin(start, 1.0), fitter.skin(start, -1.0)), view)
+        scene = self._scene(start, view)
         rendered = feature_search.find_rendered(self._rest, scene, evened, masks, levels)
         others = carried.without(rendered.features)
         found = Found(
@@ -238,8 +249,7 @@ class SurfaceTracker:
         moved = np.linalg.norm(self._positions[vertices] - model.rest[vertices], axis=1) > MOVED_M
         if np.count_nonzero(moved) >= FEWEST_MOVED:
             places = project(self._positions[: len(model.mesh.pixels)], view.camera_matrix, view.world_from_camera)
-            skins = (self._fitter.skin(self._positions, 1.0), self._fitter.skin(self._positions, -1.0))
-            covered = feature_search.scene_of(self._rest, skins, view).rendering.silhouette
+            covered = self._scene(self._positions, view).rendering.silhouette
             self._grip = take_hold(places, masks, covered, view.camera_matrix[0, 0])
             self._has_gripped = self._grip is not None
 

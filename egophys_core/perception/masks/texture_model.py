@@ -1,0 +1,49 @@
+"""How likely the local contrast of a class of pixels is: skin and sleeves are smooth where cloth is printed."""
+
+import cv2
+import numpy as np
+
+FINE_PX = 1.5
+"""Pixels over which contrast is looked at."""
+
+RIM_PX = 11
+"""Contrast of what is narrower is of a rim or a crease, not of a texture."""
+
+BINS = 12
+GREYS_OF_BIN = 1.5
+"""Factor in the deviation of the brightness between one bin and the next, from one grey level on."""
+
+BACKGROUND_SHARE = 0.1
+"""Share of a class, 0..1, of any contrast whatever."""
+
+
+def texture_codes(image: np.ndarray) -> np.ndarray:
+    """[H, W] int32, bins of the local contrast of a BGR image [H, W, 3] uint8."""
+    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
+    apart = grey - cv2.GaussianBlur(grey, (0, 0), FINE_PX)
+    deviation = np.sqrt(cv2.GaussianBlur(apart * apart, (0, 0), FINE_PX))
+    broad = cv2.morphologyEx(deviation, cv2.MORPH_OPEN, np.ones((RIM_PX, RIM_PX), np.uint8))
+    return np.clip(np.log(np.maximum(broad, 1.0)) / np.log(GREYS_OF_BIN), 0, BINS - 1).astype(np.int32)
+
+
+class TextureModel:
+    """Log-likelihood of local contrast, learnt from pixels of a class and, slowly, from those of later frames."""
+
+    def __init__(self) -> None:
+        """Make a model that knows nothing."""
+        self._share: np.ndarray | None = None
+
+    def learn(self, codes: np.ndarray, *, rate: float = 0.05) -> None:
+        """Add pixels of one frame: codes [N] int32 of `texture_codes`, which replace a share of what was learnt."""
+        if len(codes) == 0:
+            return
+        share = np.bincount(codes, minlength=BINS) / len(codes)
+        self._share = share if self._share is None else (1 - rate) * self._share + rate * share
+
+    def log_likelihood(self, codes: np.ndarray) -> np.ndarray:
+        """[...] float32 for codes [...] of `texture_codes`, less that of any contrast whatever; 0 if nothing is known."""
+        if self._share is None:
+            return np.zeros(codes.shape, np.float32)
+        smooth = np.convolve(np.pad(self._share, 1, mode="edge"), [0.25, 0.5, 0.25], mode="valid")
+        likelihood = (1 - BACKGROUND_SHARE) * smooth + BACKGROUND_SHARE / BINS
+        return np.take(np.log(BINS * likelihood).astype(np.float32), codes)

@@ -1,5 +1,6 @@
 """Observations, one by one -> Episode."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,13 +8,13 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
-from egophys_core.perception.hands.grip import carried
-from egophys_core.perception.hands.hand_points import at_depth
-from egophys_core.perception.observation import Observation
+from egophys_core.perception.hands.hand_paths import first_contact, hand_paths
+from egophys_core.perception.hands.hand_points import ball
+from egophys_core.perception.hands.hand_tracks import MOST_HANDS
+from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.rest_surface import RestObject
-from egophys_core.perception.surface.surface_render import project
 from egophys_core.perception.surface.track_filter import consistent_motion
 
 INFERRED_CONFIDENCE = 0.5
@@ -30,8 +31,7 @@ class EpisodeAssembly:
     _stamps_ns: list[int] = field(default_factory=list)
     _points: list[np.ndarray] = field(default_factory=list)
     _confidence: list[np.ndarray] = field(default_factory=list)
-    _hands: list[np.ndarray] = field(default_factory=list)
-    _motions: list[np.ndarray | None] = field(default_factory=list)
+    _hands: list[Mapping[int, HandSight]] = field(default_factory=list)
     _cameras: list[View] = field(default_factory=list)
 
     def add(self, observation: Observation) -> None:
@@ -42,8 +42,7 @@ class EpisodeAssembly:
         self._stamps_ns.append(view.stamp_ns)
         self._points.append(observation.points[self._chosen].astype(np.float32))
         self._confidence.append(observation.confidence[self._chosen].astype(np.float32))
-        self._hands.append(observation.hand_points)
-        self._motions.append(observation.hand_motion)
+        self._hands.append(observation.hands)
         nothing = np.zeros((0, 0, 3), np.uint8)
         self._cameras.append(
             View(
@@ -61,9 +60,13 @@ class EpisodeAssembly:
 
     @property
     def grip_frame(self) -> int:
-        """First observation in which the hand holds the object; -1 if none."""
-        held = [frame for frame, hand in enumerate(self._hands) if np.isfinite(hand).all()]
-        return held[0] if held else -1
+        """First observation in which a hand has contact with the object; -1 if none."""
+        return first_contact(self._hands)
+
+    @property
+    def camera_centres(self) -> np.ndarray:
+        """[T, 3] metres, frame world: where each observation was made from."""
+        return np.array([view.world_from_camera[:3, 3] for view in self._cameras])
 
     def episode(self, name: str, ground_height: float) -> Episode:
         """What was observed.
@@ -80,7 +83,11 @@ class EpisodeAssembly:
         kept = np.isfinite(points).any(axis=(0, 2))
         points, confidence = self._completed(points[:, kept], confidence[:, kept], ground_height)
         confidence[~np.isfinite(points).all(axis=2)] = 0.0
-        hands = self._hand_paths()
+        paths = hand_paths(self._hands, self._cameras)
+        around = ball(max(self.options.controllers // MOST_HANDS, 1))
+        hands = np.concatenate(
+            [np.zeros((len(points), 0, 3)), *(path[:, None] + around for path in paths.values())], axis=1
+        )
         return Episode(
             name=name,
             times=(np.array(self._stamps_ns, np.int64) - self._stamps_ns[0]) * 1e-9,
@@ -107,32 +114,3 @@ class EpisodeAssembly:
         sure = np.zeros(added.shape[:2], np.float32)
         sure[:before] = INFERRED_CONFIDENCE
         return np.concatenate([points, added], axis=1), np.concatenate([confidence, sure], axis=1)
-
-    def _hand_paths(self) -> np.ndarray:
-        """[T, C, 3] metres: finite throughout; no columns if no hand ever holds the object.
-
-        Before the grip the points go back along the hand's motion in the image, at the depth of the grip. Where the
-        hand is not seen it stays where it was last, or is first.
-        """
-        first = self.grip_frame
-        if first < 0:
-            return np.zeros((len(self._hands), 0, 3))
-        paths = np.array(self._hands)
-        camera = self._cameras[first]
-        projected = project(paths[first], camera.camera_matrix, camera.world_from_camera)
-        pixels, depth = projected[:, :2], float(np.median(projected[:, 2]))
-        for frame in range(first, 0, -1):
-            motion = self._motions[frame]
-            if motion is None:
-                break
-            pixels = carried(pixels, _inverse(motion))
-            paths[frame - 1] = at_depth(pixels, depth, self._cameras[frame - 1])
-        known = np.flatnonzero(np.isfinite(paths).all(axis=(1, 2)))
-        latest = known[np.clip(np.searchsorted(known, np.arange(len(paths)), side="right") - 1, 0, None)]
-        return paths[latest]
-
-
-def _inverse(motion: np.ndarray) -> np.ndarray:
-    """[2, 3] similarity that undoes another."""
-    back = np.linalg.inv(motion[:, :2])
-    return np.column_stack([back, -back @ motion[:, 2]])

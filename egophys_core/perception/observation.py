@@ -1,10 +1,25 @@
 """What perception knows of one view, for publishing, drawing and stacking into an episode."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from egophys_core.perception.stages import Masks, View
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandSight:
+    """One hand in one view."""
+
+    pixel: np.ndarray
+    """[2] x, y: where it holds or pushes."""
+    depth: float
+    """Metres along the optical axis there."""
+    radius: float
+    """Pixels: half of its width."""
+    has_contact: bool
+    """Whether the object has moved under it by now."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +43,6 @@ class Observation:
     mesh_edges: np.ndarray
     """[E, 2] int: its edges."""
     hand_points: np.ndarray
-    """[C, 3] float64, metres, frame world: points of the hand, in the same order in every view; NaN where unknown."""
-    hand_motion: np.ndarray | None
-    """[2, 3] similarity that moved the hand in the image since the view before; None if it is not seen in both."""
+    """[C, 3] float64, metres, frame world: points of the hands, in the same order in every view; NaN where unknown."""
+    hands: Mapping[int, HandSight]
+    """The hands that are seen, by number."""

@@ -1,16 +1,19 @@
 """Views -> observations, one by one: the part of perception that recorded and live video share."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.hands.hand_points import HandPoints
+from egophys_core.perception.hands.arms import Arm
+from egophys_core.perception.hands.hand_points import at_depth, ball
+from egophys_core.perception.hands.hand_tracks import MOST_HANDS, HandTracks
 from egophys_core.perception.masks.colour_model import is_black
 from egophys_core.perception.masks.mask_tracker import MaskTracker
 from egophys_core.perception.masks.object_finder import find_object
-from egophys_core.perception.observation import Observation
+from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface.confidence import PointConfidence
@@ -24,10 +27,11 @@ FEWEST_STILL_VIEWS = 5
 
 @dataclass(frozen=True, kw_only=True)
 class _Seen:
-    """A view with its masks."""
+    """A view with its masks and hands."""
 
     view: View
     masks: Masks
+    arms: Mapping[int, Arm]
 
 
 class SceneObserver:
@@ -46,6 +50,7 @@ class SceneObserver:
         self._table_height = table_height
         self._waiting: list[View] = []
         self._masks: MaskTracker | None = None
+        self._hands = HandTracks()
         self._forward: _Follower | None = None
         self.rest: RestObject | None = None
         """The object at rest, once it is known."""
@@ -65,8 +70,8 @@ class SceneObserver:
             return []
         if self._forward is not None and self._masks is not None:
             # Colours alone take a hand of the object's colours for the object; the surface knows how far it reaches.
-            seen = _Seen(view=view, masks=self._masks.next(view, self._forward.silhouette(view)))
-            return [self._forward.next(seen)]
+            surface = self._forward.silhouette(view)
+            return [self._forward.next(self._seen(view, self._masks.next(view, surface), surface))]
         self._waiting.append(view)
         if (view.stamp_ns - self._waiting[0].stamp_ns) * 1e-9 < self._options.still_s:
             return []
@@ -95,7 +100,8 @@ class SceneObserver:
         )
         self.warning = found.warning
         self._masks = MaskTracker(views[0], found.mask, table_height=self._table_height)
-        seen = [_Seen(view=view, masks=self._masks.next(view)) for view in views]
+        masks = [self._masks.next(view) for view in views]
+        seen = [self._seen(view, each, each.object) for view, each in zip(views, masks, strict=True)]
         rest = rest_object(views, [each.masks.object for each in seen], self._table_height, self._options)
         self.rest = rest
         reference = seen[rest.reference]
@@ -107,6 +113,9 @@ class SceneObserver:
         self._waiting = []
         return [*reversed(before), at_rest, *after]
 
+    def _seen(self, view: View, masks: Masks, surface: np.ndarray) -> _Seen:
+        return _Seen(view=view, masks=masks, arms=self._hands.next(masks.hand, surface))
+
 
 class _Follower:
     """Surface, confidence and hand in one view after the other."""
@@ -117,7 +126,7 @@ class _Follower:
         self._corners = rest.model.mesh.triangles[rest.feature_triangles]
         self._surface = SurfaceTracker(rest, reference.view)
         self._confidence = PointConfidence(self._points(rest.model.rest))
-        self._hand = HandPoints(options.controllers)
+        self._ball = ball(max(options.controllers // MOST_HANDS, 1))
 
     def at_rest(self, seen: _Seen) -> Observation:
         """The reference view itself."""
@@ -127,10 +136,7 @@ class _Follower:
             positions=model.rest,
             sigma=np.zeros(len(model.rest)),
             seen=everything,
-            grip=None,
-            hand_motion=None,
-            hand_depth=np.nan,
-            hand_width=np.nan,
+            hands={},
         )
         return self._observation(seen, state)
 
@@ -139,7 +145,7 @@ class _Follower:
         return self._surface.silhouette(view)
 
     def next(self, seen: _Seen) -> Observation:
-        return self._observation(seen, self._surface.next(seen.view, seen.masks))
+        return self._observation(seen, self._surface.next(seen.view, seen.masks, seen.arms))
 
     def _points(self, positions: np.ndarray) -> np.ndarray:
         return np.einsum("nk,nkd->nd", self._rest.feature_weights, positions[self._corners])
@@ -163,9 +169,22 @@ class _Follower:
             visible=state.seen,
             mesh_pixels=np.where(vertices[:, 2:] > 0, vertices[:, :2], np.nan),
             mesh_edges=mesh.edges,
-            hand_points=self._hand.next(view, seen.masks, state),
-            hand_motion=state.hand_motion,
+            hand_points=self._hand_points(view, state),
+            hands={
+                number: HandSight(
+                    pixel=hand.pixel, depth=hand.depth, radius=seen.arms[number].radius, has_contact=hand.has_contact
+                )
+                for number, hand in state.hands.items()
+            },
         )
+
+    def _hand_points(self, view: View, state: SurfaceState) -> np.ndarray:
+        """[C, 3] metres, frame world: as many of each hand; NaN before it has contact and while it is not seen."""
+        points = np.full((MOST_HANDS, len(self._ball), 3), np.nan)
+        for number, hand in state.hands.items():
+            if hand.has_contact:
+                points[number] = at_depth(hand.pixel[None], hand.depth, view) + self._ball
+        return points.reshape(-1, 3)
 
 
 def board_outline(board: Board) -> np.ndarray:

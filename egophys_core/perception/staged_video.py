@@ -130,5 +130,5 @@ def _observation(episode: Episode, frame: int, view: View, masks: Masks) -> Obse
         mesh_pixels=np.zeros((0, 2)),
         mesh_edges=np.zeros((0, 2), int),
         hand_points=episode.controllers[frame].astype(float),
-        hand_motion=None,
+        hands={},
     )

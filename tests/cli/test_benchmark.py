@@ -85,7 +85,7 @@ def observations(turns: int, side: int = 518) -> list[Observation]:
                 mesh_pixels=pixels,
                 mesh_edges=np.zeros((0, 2), int),
                 hand_points=points[:3] + [0, 0, 0.1],
-                hand_motion=None,
+                hands={},
             )
         )
     return found

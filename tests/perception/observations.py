@@ -46,7 +46,7 @@ def observations(
                 mesh_pixels=project(rest + shift, view.world_from_camera),
                 mesh_edges=mesh.edges,
                 hand_points=np.tile(shift, (5, 1)) + [[0.02 * k, 0.05, 0.03] for k in range(5)],
-                hand_motion=None,
+                hands={},
             )
         )
     return found

@@ -13,7 +13,7 @@ What is minimised over the points X [W, 3], each term over its standard deviatio
 The places that are seen lie on the skin, half a thickness off the middle surface that the vertices stand for.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,7 +139,7 @@ class SurfaceFitter:
         motion_sigma: np.ndarray,
         iterations: int,
         start: np.ndarray,
-        distances: Distances | None = None,
+        distances: Sequence[Distances] = (),
     ) -> FittedSurface:
         """Minimise, and estimate how sure the result is.
 
@@ -153,7 +153,7 @@ class SurfaceFitter:
             motion_sigma: [W] metres, of the prediction.
             iterations: of Gauss-Newton.
             start: [W, 3] metres: where the search begins.
-            distances: of vertices whose depth is known in another way.
+            distances: of groups of vertices whose depth is known in another way.
         """
         positions = start
         for _ in range(iterations):
@@ -176,7 +176,7 @@ class SurfaceFitter:
         self,
         view: View,
         correspondences: Correspondences,
-        distances: Distances | None,
+        distances: Sequence[Distances],
         positions: np.ndarray,
         predicted: np.ndarray,
         motion_sigma: np.ndarray,
@@ -187,8 +187,7 @@ class SurfaceFitter:
             self._length_rows(positions),
             self._bending_rows(positions),
         ]
-        if distances is not None:
-            rows.append(_distance_rows(view, distances, positions))
+        rows += [_distance_rows(view, each, positions) for each in distances]
         blocks, residuals = zip(*rows, strict=True)
         diagonal = np.repeat(1 / motion_sigma[:, None] ** 2, 3, axis=1)
         gradient = diagonal * (positions - predicted)

@@ -1,12 +1,15 @@
 """Follows a surface from view to view: predict, render, compare, solve."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from egophys_core.constants import GRAVITY
-from egophys_core.perception.hands.grip import FEWEST_PIXELS, HeldVertices, follow, hand_motion, hand_width, take_hold
+from egophys_core.perception.hands.arms import Arm
+from egophys_core.perception.hands.grip import HeldVertices, follow, hand_motion, take_hold
+from egophys_core.perception.hands.hand_tracks import HandWidth
 from egophys_core.perception.masks import silhouette
 from egophys_core.perception.options import ObjectKind
 from egophys_core.perception.stages import Masks, View
@@ -42,15 +45,8 @@ ITERATIONS = 3
 HELD_SIGMA_PX, HELD_DOUBT_PX = 2.0, 15.0
 """Pixels: of where the hand has carried a vertex."""
 
-HAND_DEPTH_SHARE = 0.015
-"""Of the distance: error of a depth that is told by the width of the hand. Widths are good to 3 %, but the few vertices
-that are held must move the many that hang on them."""
-
-WIDTH_GAIN = 0.02
-"""How fast the width of a hand at a distance is learnt while it holds; at the grip its outline is often half hidden."""
-
-WIDTHS = 5
-"""Views over which the median of the hand's width is taken."""
+HAND_DEPTH_SHARE = 0.05
+"""Of the distance: error of a depth that is told by the width of the hand."""
 
 OUTSIDE_SIGMA_PX, UNCOVERED_SIGMA_PX, OUTLINE_DOUBT_PX = 2.0, 4.0, 20.0
 """Pixels: of vertices outside the outline, and of places inside it that nothing covers."""
@@ -62,7 +58,22 @@ MOVED_M = 0.0015
 """Metres from rest from which on a vertex that is seen counts as moved."""
 
 FEWEST_MOVED = 5
-"""Vertices that must have moved before the hand is said to hold the object."""
+"""Vertices near a hand that must have moved before it is said to have contact."""
+
+NEAR_HAND_M = 0.12
+"""Metres from where a hand holds or pushes: vertices that move there are moved by it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandState:
+    """A hand in one view."""
+
+    pixel: np.ndarray
+    """[2] x, y: where it holds or pushes."""
+    depth: float
+    """Metres along the optical axis there: by what it holds, else by its width."""
+    has_contact: bool
+    """Whether the object has moved under it by now."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,14 +86,8 @@ class SurfaceState:
     """[W] metres: standard deviation of the points, given the view before."""
     seen: np.ndarray
     """[N] bool: features found in this view."""
-    grip: HeldVertices | None
-    """What the hand holds."""
-    hand_motion: np.ndarray | None
-    """[2, 3] similarity of the hand in the image since the view before; None if it is not seen in both."""
-    hand_depth: float
-    """Metres: depth at which the hand touches the object; NaN before it does."""
-    hand_width: float
-    """Pixels: standard deviation across the hand; NaN if it is not seen whole."""
+    hands: Mapping[int, HandState]
+    """The hands that are seen, by number."""
 
 
 class SurfaceTracker:
@@ -102,25 +107,25 @@ class SurfaceTracker:
         )
         self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._grey = cv2.cvtColor(reference.image, cv2.COLOR_BGR2GRAY)
-        self._hand = np.zeros(self._grey.shape, bool)
-        self._grip: HeldVertices | None = None
-        self._has_gripped = False
-        self._widths: list[float] = []
-        self._width_times_depth = np.nan
+        self._arms: Mapping[int, Arm] = {}
+        self._held: dict[int, HeldVertices] = {}
+        self._touched: set[int] = set()
+        self._widths: dict[int, HandWidth] = {}
 
-    def next(self, view: View, masks: Masks) -> SurfaceState:
+    def next(self, view: View, masks: Masks, arms: Mapping[int, Arm]) -> SurfaceState:
         """Solve for the surface in the next view.
 
         Args:
             view: its pose is known.
             masks: of the view; empty ones leave the surface to the prediction.
+            arms: of the hands that are seen, by number.
         """
         evened = even_contrast(view.image)
-        motion = self._follow_hand(view, masks)
+        self._follow_hands(view, arms)
         step_s = abs(view.stamp_ns - self._stamp_ns) * 1e-9
         predicted = self._predicted(self._step_s(view))
         carried = feature_search.follow(self._found, self._evened, evened, masks)
-        distances = self._held_depth()
+        distances = self._held_depths(view)
         fitted, found = self._solve(view, masks, evened, predicted, predicted, carried, distances, LEVELS[0])
         for levels in LEVELS[1:]:
             fitted, found = self._solve(view, masks, evened, predicted, fitted.positions, carried, distances, levels)
@@ -134,16 +139,9 @@ class SurfaceTracker:
         self._positions, self._stamp_ns = fitted.positions, view.stamp_ns
         seen = np.zeros(len(self._corners), bool)
         seen[self._found.features] = True
-        self._take_hold(view, masks, seen)
-        self._learn_width(view)
+        self._find_contacts(view, seen)
         return SurfaceState(
-            positions=fitted.positions,
-            sigma=fitted.sigma,
-            seen=seen,
-            grip=self._grip,
-            hand_motion=motion,
-            hand_depth=self._hand_depth(view),
-            hand_width=float(np.median(self._widths)) if self._widths else np.nan,
+            positions=fitted.positions, sigma=fitted.sigma, seen=seen, hands=self._hand_states(view)
         )
 
     def silhouette(self, view: View) -> np.ndarray:
@@ -171,7 +169,7 @@ class SurfaceTracker:
         predicted: np.ndarray,
         start: np.ndarray,
         carried: Found,
-        distances: Distances | None,
+        distances: list[Distances],
         levels: int,
     ) -> tuple[FittedSurface, Found]:
         """One round: render at the start, compare, solve. What is found stands first among the correspondences."""
@@ -199,59 +197,69 @@ class SurfaceTracker:
         covered = scene.rendering.silhouette
         parts = [seen, _outline(*silhouette.outliers(vertices, masks), OUTSIDE_SIGMA_PX)]
         parts.append(_outline(*silhouette.uncovered(vertices, covered, masks), UNCOVERED_SIGMA_PX))
-        if self._grip is not None:
-            parts.append(_of_vertices(self._grip.vertices, self._grip.pixels, HELD_SIGMA_PX, HELD_DOUBT_PX))
+        parts += [
+            _of_vertices(held.vertices, held.pixels, HELD_SIGMA_PX, HELD_DOUBT_PX) for held in self._held.values()
+        ]
         sigma = np.full(len(start), MOTION_SIGMA_M)
         return fitter.fit(view, _together(parts), predicted, sigma, ITERATIONS, start, distances), found
 
-    def _follow_hand(self, view: View, masks: Masks) -> np.ndarray | None:
-        """The hand's motion since the view before; what it holds goes along."""
+    def _follow_hands(self, view: View, arms: Mapping[int, Arm]) -> None:
+        """The hands' motion since the view before; what they hold goes along."""
         grey = cv2.cvtColor(view.image, cv2.COLOR_BGR2GRAY)
-        motion = None
-        if np.count_nonzero(masks.hand) >= FEWEST_PIXELS:
-            motion = hand_motion(self._grey, grey, self._hand, self._flow)
-        if self._grip is not None:
-            self._grip = None if motion is None else follow(self._grip, motion, masks.hand)
-        self._grey, self._hand = grey, masks.hand
-        width = hand_width(masks.hand)
-        if width is not None:
-            self._widths = [*self._widths[1 - WIDTHS :], width]
-        return motion
+        for number, arm in arms.items():
+            self._widths.setdefault(number, HandWidth()).see(arm)
+        if self._held and self._arms:
+            flow = self._flow.calc(self._grey, grey, None)
+            for number in self._held.keys() & arms.keys():
+                before = self._arms.get(number)
+                motion = None if before is None else hand_motion(flow, before)
+                self._held[number] = follow(self._held[number], motion, arms[number])
+        self._grey, self._arms = grey, arms
 
-    def _held_depth(self) -> Distances | None:
-        """Depth of what the hand holds, by the hand's width."""
-        if self._grip is None or not self._widths or not np.isfinite(self._width_times_depth):
-            return None
-        depth = self._width_times_depth / float(np.median(self._widths))
-        return Distances(vertices=self._grip.vertices, depth=depth, sigma=HAND_DEPTH_SHARE * depth)
+    def _held_depths(self, view: View) -> list[Distances]:
+        """Depths of what is held, by the widths of the hands."""
+        depths = {number: self._widths[number].depth(view.camera_matrix[0, 0]) for number in self._seen_grips()}
+        return [
+            Distances(vertices=self._held[number].vertices, depth=depth, sigma=HAND_DEPTH_SHARE * depth)
+            for number, depth in depths.items()
+        ]
 
-    def _learn_width(self, view: View) -> None:
-        if self._grip is None or not self._widths:
+    def _seen_grips(self) -> list[int]:
+        return [number for number in self._held if number in self._arms]
+
+    def _hand_states(self, view: View) -> dict[int, HandState]:
+        states = {}
+        focal = view.camera_matrix[0, 0]
+        for number, arm in self._arms.items():
+            held, width = self._held.get(number), self._widths[number]
+            pixel, depth = arm.grip, width.depth(focal)
+            if held is not None:
+                places = project(self._positions[held.vertices], view.camera_matrix, view.world_from_camera)
+                pixel, depth = held.pixels.mean(axis=0), float(np.median(places[:, 2]))
+                width.learn(depth, focal)
+            states[number] = HandState(pixel=pixel, depth=depth, has_contact=number in self._touched)
+        return states
+
+    def _find_contacts(self, view: View, seen: np.ndarray) -> None:
+        """A hand near which the object begins to move has contact, and holds what is about its grip."""
+        untouched = [number for number in self._arms if number not in self._touched]
+        if not untouched:
             return
-        product = float(np.median(self._widths)) * self._hand_depth(view)
-        known = np.isfinite(self._width_times_depth)
-        self._width_times_depth = (
-            (1 - WIDTH_GAIN) * self._width_times_depth + WIDTH_GAIN * product if known else product
-        )
-
-    def _hand_depth(self, view: View) -> float:
-        if self._grip is not None:
-            held = project(self._positions[self._grip.vertices], view.camera_matrix, view.world_from_camera)
-            return float(np.median(held[:, 2]))
-        return self._width_times_depth / float(np.median(self._widths)) if self._widths else np.nan
-
-    def _take_hold(self, view: View, masks: Masks, seen: np.ndarray) -> None:
-        """The hand holds what it hides once the object moves."""
-        if self._has_gripped or not masks.hand.any():
-            return
-        model = self._rest.model
+        model, focal = self._rest.model, view.camera_matrix[0, 0]
         vertices = np.unique(self._corners[seen])
-        moved = np.linalg.norm(self._positions[vertices] - model.rest[vertices], axis=1) > MOVED_M
-        if np.count_nonzero(moved) >= FEWEST_MOVED:
-            places = project(self._positions[: len(model.mesh.pixels)], view.camera_matrix, view.world_from_camera)
-            covered = self._scene(self._positions, view).rendering.silhouette
-            self._grip = take_hold(places, masks, covered, view.camera_matrix[0, 0])
-            self._has_gripped = self._grip is not None
+        moved = vertices[np.linalg.norm(self._positions[vertices] - model.rest[vertices], axis=1) > MOVED_M]
+        places = project(self._positions[: len(model.mesh.pixels)], view.camera_matrix, view.world_from_camera)
+        for number in untouched:
+            arm = self._arms[number]
+            away = np.linalg.norm(places[:, :2] - arm.grip, axis=1) * places[:, 2] / focal
+            if np.count_nonzero(away[moved] < NEAR_HAND_M) < FEWEST_MOVED:
+                continue
+            self._touched.add(number)
+            self._widths[number].learn(float(places[away.argmin(), 2]), focal)
+            # The many features of a solid tell its motion better than the few vertices under a hand.
+            held = take_hold(places, arm, focal) if self._rest.kind == ObjectKind.SHEET else None
+            if held is not None:
+                self._held[number] = held
 
 
 def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, robust_scale: float) -> Correspondences:

@@ -1,0 +1,105 @@
+"""Where the camera of a video is in each of its frames."""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.errors import EpisodeError
+from egophys_core.perception.camera.background_motion import background_poses
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, intrinsics_warning
+from egophys_core.perception.camera.lens import FullView, upright_turns
+from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
+from egophys_core.perception.camera.video import Video
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraPath:
+    """Poses of the raw camera over the frames that can be decoded."""
+
+    stamps_ns: list[int]
+    """[T] header stamps, nanoseconds since the epoch."""
+    track: PoseTrack
+    """T poses."""
+    turns: int
+    """Counter-clockwise quarter turns (0..3) of the image after which it is upright."""
+    scale_is_known: bool
+    """False if no tag board is seen: lengths are then in units of an assumed height of the camera."""
+    notes: tuple[str, ...]
+    """Sentences for the user: what was inferred, missing or doubtful, with numbers."""
+
+
+def find_camera_path(video: Video, board: Board, *, height_m: float, tell: Callable[[str, float], None]) -> CameraPath:
+    """Poses from the tag board, or, if it is seen in no frame, from the table.
+
+    Args:
+        video: to go through.
+        board: the printed board on the table.
+        height_m: what the first camera's height over the table is taken for where no board is seen, metres.
+        tell: called with a stage and the share of it that is done, 0..1.
+
+    Raises:
+        EpisodeError: no board is seen, and the table does not tell the camera's motion; says what to do.
+    """
+    full = FullView(video.camera)
+    finder = BoardPoseFinder(board, full.matrix)
+    poses: list[CameraPose | NoPose] = []
+    stamps_ns: list[int] = []
+    near: CameraPose | None = None
+    near_ns = 0
+    for index, frame in enumerate(video.frames()):
+        is_recent = near is not None and (frame.stamp_ns - near_ns) * 1e-9 < LONGEST_FILLED_GAP_S
+        pose = finder.find(full.image(frame.image), near=near if is_recent else None)
+        if isinstance(pose, CameraPose):
+            near, near_ns = pose, frame.stamp_ns
+        poses.append(pose)
+        stamps_ns.append(frame.stamp_ns)
+        tell("camera poses", min((index + 1) / max(len(video), 1), 1.0))
+    found = [pose for pose in poses if isinstance(pose, CameraPose)]
+    reasons = Counter(pose.reason for pose in poses if isinstance(pose, NoPose))
+    if not found:
+        return _path_from_table(video, full, stamps_ns, reasons, height_m)
+    track = track_poses(stamps_ns, poses)
+    inferred, lost = int(track.inferred.sum()), int((~track.known).sum())
+    notes = [note for note in (intrinsics_warning(found),) if note]
+    if inferred or lost:
+        notes.append(
+            f"camera pose: {inferred} of {len(poses)} interpolated over gaps of at most {LONGEST_FILLED_GAP_S} s, "
+            f"{lost} missing, whose frames are left out (most often: {reasons.most_common(1)[0][0]})"
+        )
+    return CameraPath(
+        stamps_ns=stamps_ns,
+        track=track,
+        turns=upright_turns(full.to_raw_pose(found[0].world_from_camera)),
+        scale_is_known=True,
+        notes=tuple(notes),
+    )
+
+
+def _path_from_table(
+    video: Video, full: FullView, stamps_ns: list[int], reasons: Counter[str], height_m: float
+) -> CameraPath:
+    """Poses up to scale from the texture of the table."""
+    usual = reasons.most_common(1)[0][0] if reasons else "there are no frames"
+    frames = ((frame.stamp_ns, full.image(frame.image)) for frame in video.frames())
+    try:
+        background = background_poses(frames, full.matrix, height_m=height_m)
+    except EpisodeError as error:
+        raise EpisodeError(
+            f"{video.path.name}: no tag board is seen in any of {len(stamps_ns)} frames ({usual}), and the camera's "
+            f"motion does not follow from the table either: {error}. Put a tag board on the table (`egophys board` "
+            "prints one) and keep it in view, or give its layout if it is another one"
+        ) from error
+    known = background.known
+    first = background.world_from_camera[int(np.argmax(known))]
+    return CameraPath(
+        stamps_ns=stamps_ns,
+        track=PoseTrack(
+            world_from_camera=background.world_from_camera, inferred=np.zeros(len(known), bool), known=known
+        ),
+        turns=upright_turns(full.to_raw_pose(first)),
+        scale_is_known=False,
+        notes=(f"no tag board is seen ({usual}): {background.note}",),
+    )

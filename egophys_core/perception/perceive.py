@@ -28,7 +28,7 @@ class PerceptionReport:
     frames: int
     """Views that were looked at."""
     posed: int
-    """Of them, views whose camera pose was found on the board."""
+    """Of them, views whose camera pose was found, on the board or on the table."""
     pose_inferred: int
     """Views whose pose was interpolated over a short gap."""
     scale_is_known: bool
@@ -113,7 +113,7 @@ def _perceive(
     if options.stages == Stages.LEARNED:
         return _perceive_by_learned_stages(video, options, board, on_observation, tell)
     camera = find_camera_path(video, board, height_m=options.camera_height_m, tell=tell)
-    scene = SceneObserver(options, board if camera.scale_is_known else None)
+    scene = SceneObserver(options, camera.board)
     assembly: EpisodeAssembly | None = None
     hand_seen = 0
 

@@ -12,7 +12,11 @@ from egophys_core.perception.camera.board import Board
 from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, intrinsics_warning
 from egophys_core.perception.camera.lens import FullView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
+from egophys_core.perception.camera.table_poses import poses_over_table
 from egophys_core.perception.camera.video import Video
+
+COMPARED_FRAMES = 12
+"""Frames in which the board is seen, spread over the video, that are compared with the table."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,14 +29,21 @@ class CameraPath:
     """T poses."""
     turns: int
     """Counter-clockwise quarter turns (0..3) of the image after which it is upright."""
-    scale_is_known: bool
-    """False if no tag board is seen: lengths are then in units of an assumed height of the camera."""
+    board: Board | None
+    """Where it lies; None if it is seen in no frame: lengths are then in units of an assumed height of the camera."""
     notes: tuple[str, ...]
     """Sentences for the user: what was inferred, missing or doubtful, with numbers."""
 
+    @property
+    def scale_is_known(self) -> bool:
+        """Whether lengths are metres."""
+        return self.board is not None
+
 
 def find_camera_path(video: Video, board: Board, *, height_m: float, tell: Callable[[str, float], None]) -> CameraPath:
-    """Poses from the tag board, or, if it is seen in no frame, from the table.
+    """Poses from the tag board and, where it is not seen, from the table that it lies on.
+
+    The world is the board's; if the board is seen in no frame, it is the table's, and the scale is assumed.
 
     Args:
         video: to go through.
@@ -57,24 +68,52 @@ def find_camera_path(video: Video, board: Board, *, height_m: float, tell: Calla
         poses.append(pose)
         stamps_ns.append(frame.stamp_ns)
         tell("camera poses", min((index + 1) / max(len(video), 1), 1.0))
-    found = [pose for pose in poses if isinstance(pose, CameraPose)]
+    located = {index: pose for index, pose in enumerate(poses) if isinstance(pose, CameraPose)}
     reasons = Counter(pose.reason for pose in poses if isinstance(pose, NoPose))
-    if not found:
+    if not located:
         return _path_from_table(video, full, stamps_ns, reasons, height_m)
-    track = track_poses(stamps_ns, poses)
-    inferred, lost = int(track.inferred.sum()), int((~track.known).sum())
-    notes = [note for note in (intrinsics_warning(found),) if note]
-    if inferred or lost:
-        notes.append(
-            f"camera pose: {inferred} of {len(poses)} interpolated over gaps of at most {LONGEST_FILLED_GAP_S} s, "
-            f"{lost} missing, whose frames are left out (most often: {reasons.most_common(1)[0][0]})"
-        )
+    chosen = _frames_to_tie(len(poses), located)
+    frames = ((index, full.image(frame.image)) for index, frame in enumerate(video.frames()) if index in chosen)
+    table = poses_over_table(frames, located, board, full.matrix)
+    matrices = np.full((len(poses), 4, 4), np.nan)
+    if table is not None:
+        for index, matrix in table.world_from_camera.items():
+            matrices[index] = matrix
+    for index, pose in located.items():
+        matrices[index] = pose.world_from_camera if table is None else table.world_from_said @ pose.world_from_camera
+    carried = int(np.isfinite(matrices).all(axis=(1, 2)).sum()) - len(located)
+    track = track_poses(stamps_ns, matrices)
+    notes = [intrinsics_warning(list(located.values())), _note_of_gaps(track, len(located), carried, reasons)]
+    if table is not None:
+        notes.append(table.note)
+    first = track.world_from_camera[int(np.argmax(track.known))]
     return CameraPath(
         stamps_ns=stamps_ns,
         track=track,
-        turns=upright_turns(full.to_raw_pose(found[0].world_from_camera)),
-        scale_is_known=True,
-        notes=tuple(notes),
+        turns=upright_turns(full.to_raw_pose(first)),
+        board=board if table is None else table.board,
+        notes=tuple(note for note in notes if note),
+    )
+
+
+def _frames_to_tie(count: int, located: dict[int, CameraPose]) -> set[int]:
+    """Frames without a pose from the board, those beside them, and a few others to compare board and table by."""
+    missing = set(range(count)) - set(located)
+    beside = {index + step for index in missing for step in (-1, 1)} & set(located)
+    shares = np.linspace(0, len(located) - 1, COMPARED_FRAMES).round().astype(int)
+    return missing | beside | set(np.array(sorted(located))[shares].tolist())
+
+
+def _note_of_gaps(track: PoseTrack, located: int, carried: int, reasons: Counter[str]) -> str | None:
+    """How many poses come from where, if not all from the board."""
+    if not reasons:
+        return None
+    inferred, lost = int(track.inferred.sum()), int((~track.known).sum())
+    left_out = ", whose frames are left out" if lost else ""
+    return (
+        f"camera poses of {len(track.known)} frames: {located} from the board, {carried} from the table's texture, in "
+        f"the board's frame and scale, {inferred} interpolated over gaps of at most {LONGEST_FILLED_GAP_S} s, "
+        f"{lost} missing{left_out} (the board: most often {reasons.most_common(1)[0][0]})"
     )
 
 
@@ -100,6 +139,6 @@ def _path_from_table(
             world_from_camera=background.world_from_camera, inferred=np.zeros(len(known), bool), known=known
         ),
         turns=upright_turns(full.to_raw_pose(first)),
-        scale_is_known=False,
+        board=None,
         notes=(f"no tag board is seen ({usual}): {background.note}",),
     )

@@ -235,7 +235,7 @@ def test_recorded_videos(name):
             distance, turn = pose_error(square.to_raw_pose(small.world_from_camera), poses[-1].world_from_camera)
             assert distance < 1e-3
             assert turn < 0.05
-    track = track_poses(stamps, poses)
+    track = track_poses(stamps, np.array([pose.world_from_camera for pose in poses]))
     assert track.known.all()
     assert not track.inferred.any()
     # A head moves smoothly: third differences of white noise have 20 times its variance.

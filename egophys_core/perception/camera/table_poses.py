@@ -1,0 +1,162 @@
+"""Where the camera is while the board is not seen, from the texture of the table, and how the board lies on that."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from egophys_core.perception.camera.board import Board
+from egophys_core.perception.camera.board_pose import CameraPose
+from egophys_core.perception.camera.dominant_plane import PlaneTracker
+from egophys_core.perception.camera.plane_bundle import Bundle, Link, Tie, adjust, pose_from_move
+from egophys_core.perception.camera.plane_links import plane_links, without_outliers
+
+FEWEST_FRAMES = 2
+TILT_TOLERANCE_DEG = 1.0
+"""Degrees: a board that lies on a table at a larger angle lies on something else."""
+HEIGHT_TOLERANCE_M = 0.004
+"""Metres: a board on cardboard is not yet worth a word."""
+
+_CERTAIN = 5.0
+"""Standard deviations from which on a tilt or a height is not a matter of chance."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TablePoses:
+    """Cameras over the table, in a world whose z = 0 is the table; the board is where it is, seen from above."""
+
+    world_from_camera: dict[int, np.ndarray]
+    """[4, 4] metres, by number of those frames that are tied to the table."""
+    world_from_said: np.ndarray
+    """[4, 4]: from the world as the board would have it if it lay on the table; the identity if it does."""
+    board: Board
+    """Where the board lies in that world: raised if it is certainly not on the table."""
+    tilt_deg: float
+    """Degrees between table and board; 0 if not certainly more than `TILT_TOLERANCE_DEG`."""
+    height_m: float
+    """Metres by which the middle of the board is higher than it would be on the table; 0 if not certain."""
+    tilt_sigma_deg: float
+    """Degrees: standard deviation of the angle between table and board."""
+    height_sigma_m: float
+    """Metres: standard deviation of the height of the board."""
+
+    @property
+    def note(self) -> str | None:
+        """For the user: that the board does not lie on the table, if so."""
+        said = []
+        if self.tilt_deg:
+            said.append(f"is tilted by {self.tilt_deg:.1f} +- {self.tilt_sigma_deg:.1f} degrees against it")
+        if self.height_m:
+            said.append(f"its middle is {1e3 * self.height_m:.0f} +- {1e3 * self.height_sigma_m:.0f} mm too high")
+        if not said:
+            return None
+        return (
+            f"the board does not lie on the table: it {', '.join(said)}; z = 0 and gravity were taken from the "
+            "table's texture: lay the board flat on the table"
+        )
+
+
+def poses_over_table(
+    frames: Iterable[tuple[int, np.ndarray]],
+    located: Mapping[int, CameraPose],
+    board: Board,
+    camera_matrix: np.ndarray,
+) -> TablePoses | None:
+    """Locate frames on the table in which the board is not seen, by others in which it is; None if it cannot be done.
+
+    Frames are tied to each other by homographies of the table (as for `background_poses`), and to the board by the
+    poses it gives; all are fitted together. That the board lies on the table is taken for granted unless the fit says
+    otherwise with certainty: then the table is z = 0 and gravity its normal.
+
+    Args:
+        frames: (number, [H, W, 3] uint8 BGR pinhole image) in order of the numbers.
+        located: poses from the board by number, of one frame at least.
+        board: what lies on the table.
+        camera_matrix: [3, 3] K, pixels.
+    """
+    tracker = PlaneTracker()
+    for number, image in frames:
+        tracker.add(number, image)
+    tied = np.array(sorted(tracker.from_first), int)
+    anchors = np.array([index for index, number in enumerate(tied) if number in located], int)
+    if len(tied) < FEWEST_FRAMES or not len(anchors):
+        return None
+    links = plane_links(tracker, tied, np.linalg.inv(camera_matrix))
+    middle = _middle_of_board(board)
+    ties = [_tie(index, len(tied), located[tied[index]], middle) for index in anchors]
+    start = np.concatenate([_start(tracker, tied, anchors, located, camera_matrix), middle[None]])
+    focal = float(np.sqrt(camera_matrix[0, 0] * camera_matrix[1, 1]))
+    links, loose = _fit_loose(start, links, ties, focal)
+    tilt, height = _lie_of_board(loose, middle)
+    sigma = np.sqrt(np.maximum(np.linalg.eigvalsh(loose.first_covariance[3:5, 3:5]).max(), 0))
+    tilt_sigma, height_sigma = max(loose.tilt_sigma, sigma), float(np.sqrt(loose.first_covariance[2, 2]))
+    is_tilted = tilt > max(np.radians(TILT_TOLERANCE_DEG), _CERTAIN * tilt_sigma)
+    is_raised = abs(height) > max(HEIGHT_TOLERANCE_M, _CERTAIN * height_sigma)
+    free = _free(tilt=is_tilted, height=is_raised)
+    fit = loose if is_tilted and is_raised else adjust(start, len(tied), links, focal, first_free=free, ties=ties)
+    tilt, height = _lie_of_board(fit, middle)
+    x, y, z = board.origin
+    return TablePoses(
+        world_from_camera=dict(zip(tied.tolist(), fit.poses[:-1], strict=True)),
+        world_from_said=fit.poses[-1] @ np.linalg.inv(middle),
+        board=replace(board, origin=(x, y, z + height)),
+        tilt_deg=float(np.degrees(tilt)),
+        height_m=height,
+        tilt_sigma_deg=float(np.degrees(tilt_sigma)),
+        height_sigma_m=height_sigma,
+    )
+
+
+def _middle_of_board(board: Board) -> np.ndarray:
+    """[4, 4] world from a frame along its axes, in the middle of the board, on the table."""
+    pose = np.eye(4)
+    pose[:2, 3] = board.origin[0] + board.size[0] / 2, board.origin[1] - board.size[1] / 2
+    return pose
+
+
+def _tie(index: int, middle_index: int, pose: CameraPose, middle: np.ndarray) -> Tie:
+    return Tie(
+        source=middle_index,
+        target=index,
+        pose=np.linalg.inv(middle) @ pose.world_from_camera,
+        covariance=pose.covariance,
+    )
+
+
+def _start(
+    tracker: PlaneTracker,
+    tied: np.ndarray,
+    anchors: np.ndarray,
+    located: Mapping[int, CameraPose],
+    camera_matrix: np.ndarray,
+) -> np.ndarray:
+    """[K, 4, 4] poses from the board, and from the homography from the nearest of these frames elsewhere."""
+    inverse = np.linalg.inv(camera_matrix)
+    poses = []
+    for index, number in enumerate(tied):
+        nearest = tied[anchors[np.abs(anchors - index).argmin()]]
+        pose = located[nearest].world_from_camera
+        if nearest != number:
+            move = tracker.from_first[number] @ np.linalg.inv(tracker.from_first[nearest])
+            pose = pose_from_move(inverse @ move @ camera_matrix, pose)
+        poses.append(pose)
+    return np.array(poses)
+
+
+def _fit_loose(start: np.ndarray, links: list[Link], ties: list[Tie], focal: float) -> tuple[list[Link], Bundle]:
+    """The fit in which the board lies as it may, and the links without what is off the table."""
+    free = _free(tilt=True, height=True)
+    board = len(start) - 1
+    links = without_outliers(links, adjust(start, board, links, focal, first_free=free, ties=ties))
+    return links, adjust(start, board, links, focal, first_free=free, ties=ties)
+
+
+def _free(*, tilt: bool, height: bool) -> tuple[bool, ...]:
+    """Which of place and turn of the board are free."""
+    return (False, False, height, tilt, tilt, False)
+
+
+def _lie_of_board(fit: Bundle, middle: np.ndarray) -> tuple[float, float]:
+    """Radians by which the board is tilted against the table, and metres by which it is too high."""
+    lies = fit.poses[-1]
+    return float(np.arccos(np.clip(lies[2, 2], -1, 1))), float(lies[2, 3] - middle[2, 3])

@@ -76,11 +76,11 @@ def find_camera_path(video: Video, board: Board, *, height_m: float, tell: Calla
     frames = ((index, full.image(frame.image)) for index, frame in enumerate(video.frames()) if index in chosen)
     table = poses_over_table(frames, located, board, full.matrix)
     matrices = np.full((len(poses), 4, 4), np.nan)
-    if table is not None:
-        for index, matrix in table.world_from_camera.items():
-            matrices[index] = matrix
     for index, pose in located.items():
         matrices[index] = pose.world_from_camera if table is None else table.world_from_said @ pose.world_from_camera
+    for index, matrix in ({} if table is None else table.world_from_camera).items():
+        # Where the board is seen as well, both have a say in these, so that nothing jumps where it disappears.
+        matrices[index] = matrix
     carried = int(np.isfinite(matrices).all(axis=(1, 2)).sum()) - len(located)
     track = track_poses(stamps_ns, matrices)
     notes = [intrinsics_warning(list(located.values())), _note_of_gaps(track, len(located), carried, reasons)]

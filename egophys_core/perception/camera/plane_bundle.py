@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial.transform import Rotation
 
 from egophys_core.geometry import nearest_rotation
@@ -24,6 +24,7 @@ _LEAST_SLANT = 0.02
 _DAMPING = 1e-3
 """Radians squared inverse: keeps the tilt where it is when nothing is seen of it."""
 _SETTLED = 1e-7
+_SOLVED_AT_ONCE = 64
 TILT_FREE = (False, False, False, True, True, False)
 """Of place and turn of the first pose: how the plane lies to it."""
 
@@ -67,14 +68,10 @@ class Bundle:
     """Per link [N], pixels: distance of seen and projected."""
     cost: float
     """Robust mean square, pixels squared."""
-    first_covariance: np.ndarray
-    """[6, 6] of place, metres, and turn, radians, of the first pose; 0 where it is not free."""
-
-    @property
-    def tilt_sigma(self) -> float:
-        """Radians: standard deviation of the direction of the plane's normal, in its worst direction."""
-        largest = np.linalg.eigvalsh(self.first_covariance[3:5, 3:5]).max()
-        return float(np.hypot(np.sqrt(max(largest, 0)), _TILT_FLOOR))
+    covariances: np.ndarray
+    """[T, 6, 6] of place, metres, and turn, radians, along the world's axes; 0 where they are not free."""
+    tilt_sigma: float
+    """Radians: standard deviation of the direction of the plane's normal, in its worst direction."""
 
 
 def camera_over_plane(up: np.ndarray, height: float) -> np.ndarray:
@@ -187,19 +184,15 @@ def adjust(
         if step < _SETTLED:
             break
     terms = [_linearise(link, poses, focal) for link in links]
-    own = np.flatnonzero(free[first])
-    places = np.searchsorted(unknowns, 6 * first + own)
-    unit = np.zeros((len(unknowns), len(own)))
-    unit[places, np.arange(len(own))] = 1
-    covariance = np.zeros((6, 6))
-    if len(own):
-        covariance[np.ix_(own, own)] = _CORRELATION * solver.solve(unit)[places]
+    covariances = _covariances(solver, unknowns, len(poses))
+    tilt = max(float(np.linalg.eigvalsh(covariances[first, 3:5, 3:5]).max()), 0.0)
     square = np.concatenate([(residual**2).sum(axis=1) for residual, _, _ in terms])
     return Bundle(
         poses=poses,
         residuals=[np.linalg.norm(residual, axis=1) for residual, _, _ in terms],
         cost=float(np.log1p(square).mean()),
-        first_covariance=covariance,
+        covariances=covariances,
+        tilt_sigma=float(np.hypot(np.sqrt(tilt), _TILT_FLOOR)),
     )
 
 
@@ -281,6 +274,21 @@ def _add_ties(system: _System, ties: Sequence[Tie], poses: np.ndarray) -> None:
         to_world = np.kron(np.eye(2), source[:3, :3])
         weighted = both.T @ (_CORRELATION * np.linalg.inv(to_world @ tie.covariance @ to_world.T))
         system.add(tie.source, tie.target, weighted @ both, weighted @ residual)
+
+
+def _covariances(solver: SuperLU, unknowns: np.ndarray, count: int) -> np.ndarray:
+    """[T, 6, 6] covariance of each pose by itself."""
+    poses = unknowns // 6
+    covariances = np.zeros((count, 6, 6))
+    for first in range(0, len(unknowns), _SOLVED_AT_ONCE):
+        part = np.arange(first, min(first + _SOLVED_AT_ONCE, len(unknowns)))
+        unit = np.zeros((len(unknowns), len(part)))
+        unit[part, part - first] = 1
+        solved = _CORRELATION * solver.solve(unit)
+        for column, unknown in zip(solved.T, part, strict=True):
+            own = np.flatnonzero(poses == poses[unknown])
+            covariances[poses[unknown], unknowns[own] % 6, unknowns[unknown] % 6] = column[own]
+    return covariances
 
 
 def _damping(free: np.ndarray, height: float) -> np.ndarray:

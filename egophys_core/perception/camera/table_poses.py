@@ -6,12 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.camera.board_pose import CameraPose
+from egophys_core.perception.camera.board_pose import LARGEST_UNCERTAINTY, CameraPose
 from egophys_core.perception.camera.dominant_plane import PlaneTracker
 from egophys_core.perception.camera.plane_bundle import Bundle, Link, Tie, adjust, pose_from_move
 from egophys_core.perception.camera.plane_links import plane_links, without_outliers
 
 FEWEST_FRAMES = 2
+FEWEST_POINTS = 60
+"""Points on the table, off which nothing else is, that a frame needs; usual are 200."""
 TILT_TOLERANCE_DEG = 1.0
 """Degrees: a board that lies on a table at a larger angle lies on something else."""
 HEIGHT_TOLERANCE_M = 0.004
@@ -74,9 +76,7 @@ def poses_over_table(
         board: what lies on the table.
         camera_matrix: [3, 3] K, pixels.
     """
-    tracker = PlaneTracker()
-    for number, image in frames:
-        tracker.add(number, image)
+    tracker = _track(frames, located, camera_matrix)
     tied = np.array(sorted(tracker.from_first), int)
     anchors = np.array([index for index, number in enumerate(tied) if number in located], int)
     if len(tied) < FEWEST_FRAMES or not len(anchors):
@@ -88,16 +88,16 @@ def poses_over_table(
     focal = float(np.sqrt(camera_matrix[0, 0] * camera_matrix[1, 1]))
     links, loose = _fit_loose(start, links, ties, focal)
     tilt, height = _lie_of_board(loose, middle)
-    sigma = np.sqrt(np.maximum(np.linalg.eigvalsh(loose.first_covariance[3:5, 3:5]).max(), 0))
-    tilt_sigma, height_sigma = max(loose.tilt_sigma, sigma), float(np.sqrt(loose.first_covariance[2, 2]))
+    tilt_sigma, height_sigma = loose.tilt_sigma, float(np.sqrt(loose.covariances[-1, 2, 2]))
     is_tilted = tilt > max(np.radians(TILT_TOLERANCE_DEG), _CERTAIN * tilt_sigma)
     is_raised = abs(height) > max(HEIGHT_TOLERANCE_M, _CERTAIN * height_sigma)
     free = _free(tilt=is_tilted, height=is_raised)
     fit = loose if is_tilted and is_raised else adjust(start, len(tied), links, focal, first_free=free, ties=ties)
     tilt, height = _lie_of_board(fit, middle)
     x, y, z = board.origin
+    certain = _is_certain(fit, links)
     return TablePoses(
-        world_from_camera=dict(zip(tied.tolist(), fit.poses[:-1], strict=True)),
+        world_from_camera={int(tied[index]): fit.poses[index] for index in np.flatnonzero(certain)},
         world_from_said=fit.poses[-1] @ np.linalg.inv(middle),
         board=replace(board, origin=(x, y, z + height)),
         tilt_deg=float(np.degrees(tilt)),
@@ -105,6 +105,38 @@ def poses_over_table(
         tilt_sigma_deg=float(np.degrees(tilt_sigma)),
         height_sigma_m=height_sigma,
     )
+
+
+def _track(
+    frames: Iterable[tuple[int, np.ndarray]], located: Mapping[int, CameraPose], camera_matrix: np.ndarray
+) -> PlaneTracker:
+    """Follow the table; where both ends are located on the board it is looked for where that lies."""
+    tracker = PlaneTracker()
+    last: int | None = None
+    for number, image in frames:
+        expected = None
+        if number in located and last is not None and last in tracker.from_first:
+            move = _from_table(located[number], camera_matrix) @ np.linalg.inv(
+                _from_table(located[last], camera_matrix)
+            )
+            expected = move @ tracker.from_first[last]
+        if tracker.add(number, image, expected) and number in located:
+            last = number
+    return tracker
+
+
+def _from_table(pose: CameraPose, camera_matrix: np.ndarray) -> np.ndarray:
+    """[3, 3] homography: pixels from places x, y, 1 on z = 0, metres."""
+    return camera_matrix @ np.linalg.inv(pose.world_from_camera)[:3, [0, 1, 3]]
+
+
+def _is_certain(fit: Bundle, links: list[Link]) -> np.ndarray:
+    """[K] bool: cameras whose place is as certain as that from a board must be, from enough points of the table."""
+    points = np.zeros(len(fit.poses), int)
+    for link in links:
+        np.maximum.at(points, [link.source, link.target], len(link.points))
+    deviations = np.sqrt(np.trace(fit.covariances[:-1, :3, :3], axis1=1, axis2=2))
+    return (points[:-1] >= FEWEST_POINTS) & (deviations <= LARGEST_UNCERTAINTY)
 
 
 def _middle_of_board(board: Board) -> np.ndarray:

@@ -190,8 +190,8 @@ def intrinsics_warning(poses: Sequence[CameraPose]) -> str | None:
     """What the tags of all frames say against the intrinsics or the board's layout; None if they agree."""
     if not poses:
         return None
-    error, deviation = focal_error(poses)
-    if abs(error) > max(FOCAL_TOLERANCE, 5 * deviation):
+    if doubts_focal(poses):
+        error, deviation = focal_error(poses)
         return (
             f"the tags say that the true focal length is {100 * error:+.1f} +- {100 * deviation:.1f} % from "
             "what the CameraInfo has; "
@@ -210,6 +210,12 @@ def intrinsics_warning(poses: Sequence[CameraPose]) -> str | None:
             "measure the print, lay it flat, or calibrate the camera"
         )
     return None
+
+
+def doubts_focal(poses: Sequence[CameraPose]) -> bool:
+    """Whether the tags of all frames say with certainty that the focal length is another."""
+    error, deviation = focal_error(poses)
+    return abs(error) > max(FOCAL_TOLERANCE, 5 * deviation)
 
 
 def focal_error(poses: Sequence[CameraPose]) -> tuple[float, float]:

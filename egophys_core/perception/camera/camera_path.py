@@ -9,14 +9,21 @@ import numpy as np
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.background_motion import background_poses
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, intrinsics_warning
+from egophys_core.perception.camera.board_pose import (
+    BoardPoseFinder,
+    CameraPose,
+    NoPose,
+    doubts_focal,
+    intrinsics_warning,
+)
+from egophys_core.perception.camera.focal_length import focal_length
 from egophys_core.perception.camera.lens import FullView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
 from egophys_core.perception.camera.table_poses import poses_over_table
 from egophys_core.perception.camera.video import Video
 
 COMPARED_FRAMES = 12
-"""Frames in which the board is seen, spread over the video, that are compared with the table."""
+"""Frames in which the board is seen, spread over the video, that are compared with the table, or tell the lens."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +90,7 @@ def find_camera_path(video: Video, board: Board, *, height_m: float, tell: Calla
         matrices[index] = matrix
     carried = int(np.isfinite(matrices).all(axis=(1, 2)).sum()) - len(located)
     track = track_poses(stamps_ns, matrices)
-    notes = [intrinsics_warning(list(located.values())), _note_of_gaps(track, len(located), carried, reasons)]
+    notes = [_note_of_intrinsics(video, full, board, located), _note_of_gaps(track, len(located), carried, reasons)]
     if table is not None:
         notes.append(table.note)
     first = track.world_from_camera[int(np.argmax(track.known))]
@@ -100,8 +107,25 @@ def _frames_to_tie(count: int, located: dict[int, CameraPose]) -> set[int]:
     """Frames without a pose from the board, those beside them, and a few others to compare board and table by."""
     missing = set(range(count)) - set(located)
     beside = {index + step for index in missing for step in (-1, 1)} & set(located)
+    return missing | beside | _spread_out(located)
+
+
+def _spread_out(located: dict[int, CameraPose]) -> set[int]:
+    """A few of the frames in which the board is seen."""
     shares = np.linspace(0, len(located) - 1, COMPARED_FRAMES).round().astype(int)
-    return missing | beside | set(np.array(sorted(located))[shares].tolist())
+    return set(np.array(sorted(located))[shares].tolist())
+
+
+def _note_of_intrinsics(video: Video, full: FullView, board: Board, located: dict[int, CameraPose]) -> str | None:
+    """What the board says against the intrinsics, and by how much they are wrong."""
+    poses = list(located.values())
+    if doubts_focal(poses):
+        chosen = _spread_out(located)
+        images = [full.image(frame.image) for index, frame in enumerate(video.frames()) if index in chosen]
+        found = focal_length(images, board, full.matrix)
+        if found is not None:
+            return found.note
+    return intrinsics_warning(poses)
 
 
 def _note_of_gaps(track: PoseTrack, located: int, carried: int, reasons: Counter[str]) -> str | None:

@@ -302,6 +302,10 @@ class TestOddScenes:
         with pytest.raises(EpisodeError):
             run(tmp_path, video("sheet")[:8], spoil=lambda _, image: 0 * image)
 
+    def test_mirrored_video_is_an_error_that_says_so(self, tmp_path: Path) -> None:
+        with pytest.raises(EpisodeError, match=r"mirror.*film again"):
+            run(tmp_path, video("sheet")[:8], spoil=lambda _, image: np.ascontiguousarray(image[:, ::-1]))
+
     def test_not_a_bag_is_an_error(self, tmp_path: Path) -> None:
         (tmp_path / "x.mcap").write_bytes(b"not a bag")
         with pytest.raises(RecordingError):

@@ -114,6 +114,11 @@ class BoardPoseFinder:
             )
         return self._judge(fit)
 
+    def mirrored_tags(self, image: np.ndarray) -> int:
+        """How many of the board's tags an image [H, W, 3] uint8 shows as a mirror does."""
+        gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        return len(self._detect(cv2.flip(gray, 1))[0])
+
     def _detect(self, gray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Indices [K] of this board's tags and their corners [K, 4, 2], pixels, clockwise from the upper left."""
         corners, ids, _ = self._detector.detectMarkers(gray)

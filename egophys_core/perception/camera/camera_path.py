@@ -1,7 +1,7 @@
 """Where the camera of a video is in each of its frames."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +10,14 @@ from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.background_motion import background_poses
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.camera.board_pose import (
+    FEWEST_TAGS,
     BoardPoseFinder,
     CameraPose,
     NoPose,
     doubts_focal,
     intrinsics_warning,
 )
+from egophys_core.perception.camera.exposure import flicker_note, row_brightness
 from egophys_core.perception.camera.focal_length import focal_length
 from egophys_core.perception.camera.lens import FullView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
@@ -59,48 +61,83 @@ def find_camera_path(video: Video, board: Board, *, height_m: float, tell: Calla
         tell: called with a stage and the share of it that is done, 0..1.
 
     Raises:
-        EpisodeError: no board is seen, and the table does not tell the camera's motion; says what to do.
+        EpisodeError: no board is seen, and the table does not tell the camera's motion; or the board is seen as in a
+            mirror; says what to do.
     """
     full = FullView(video.camera)
+    sight = _look_for_board(video, full, board, tell)
+    if sight.located:
+        return _path_from_board(video, full, board, sight)
+    _require_unmirrored(video, full, board)
+    return _path_from_table(video, full, sight, height_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sight:
+    """What one look at each of T frames says."""
+
+    stamps_ns: list[int]
+    located: dict[int, CameraPose]
+    """Poses from the board, by frame."""
+    reasons: Counter[str]
+    """Why the others have none."""
+    flicker: str | None
+    """Note on the light."""
+
+
+def _look_for_board(video: Video, full: FullView, board: Board, tell: Callable[[str, float], None]) -> _Sight:
     finder = BoardPoseFinder(board, full.matrix)
-    poses: list[CameraPose | NoPose] = []
     stamps_ns: list[int] = []
+    located: dict[int, CameraPose] = {}
+    reasons: Counter[str] = Counter()
+    brightness: list[np.ndarray] = []
     near: CameraPose | None = None
     near_ns = 0
     for index, frame in enumerate(video.frames()):
         is_recent = near is not None and (frame.stamp_ns - near_ns) * 1e-9 < LONGEST_FILLED_GAP_S
         pose = finder.find(full.image(frame.image), near=near if is_recent else None)
-        if isinstance(pose, CameraPose):
+        if isinstance(pose, NoPose):
+            reasons[pose.reason] += 1
+        else:
             near, near_ns = pose, frame.stamp_ns
-        poses.append(pose)
+            located[index] = pose
         stamps_ns.append(frame.stamp_ns)
+        brightness.append(row_brightness(frame.image))
         tell("camera poses", min((index + 1) / max(len(video), 1), 1.0))
-    located = {index: pose for index, pose in enumerate(poses) if isinstance(pose, CameraPose)}
-    reasons = Counter(pose.reason for pose in poses if isinstance(pose, NoPose))
-    if not located:
-        return _path_from_table(video, full, stamps_ns, reasons, height_m)
-    chosen = _frames_to_tie(len(poses), located)
-    frames = ((index, full.image(frame.image)) for index, frame in enumerate(video.frames()) if index in chosen)
-    table = poses_over_table(frames, located, board, full.matrix)
-    matrices = np.full((len(poses), 4, 4), np.nan)
+    return _Sight(stamps_ns=stamps_ns, located=located, reasons=reasons, flicker=flicker_note(brightness))
+
+
+def _path_from_board(video: Video, full: FullView, board: Board, sight: _Sight) -> CameraPath:
+    """Metric poses: from the board where it is seen, from the table's texture elsewhere."""
+    count, located = len(sight.stamps_ns), sight.located
+    table = poses_over_table(_images(video, full, _frames_to_tie(count, located)), located, board, full.matrix)
+    matrices = np.full((count, 4, 4), np.nan)
     for index, pose in located.items():
         matrices[index] = pose.world_from_camera if table is None else table.world_from_said @ pose.world_from_camera
     for index, matrix in ({} if table is None else table.world_from_camera).items():
         # Where the board is seen as well, both have a say in these, so that nothing jumps where it disappears.
         matrices[index] = matrix
     carried = int(np.isfinite(matrices).all(axis=(1, 2)).sum()) - len(located)
-    track = track_poses(stamps_ns, matrices)
-    notes = [_note_of_intrinsics(video, full, board, located), _note_of_gaps(track, len(located), carried, reasons)]
-    if table is not None:
-        notes.append(table.note)
+    track = track_poses(sight.stamps_ns, matrices)
+    notes = (
+        _note_of_intrinsics(video, full, board, located),
+        _note_of_gaps(track, len(located), carried, sight.reasons),
+        None if table is None else table.note,
+        sight.flicker,
+    )
     first = track.world_from_camera[int(np.argmax(track.known))]
     return CameraPath(
-        stamps_ns=stamps_ns,
+        stamps_ns=sight.stamps_ns,
         track=track,
         turns=upright_turns(full.to_raw_pose(first)),
         board=board if table is None else table.board,
         notes=tuple(note for note in notes if note),
     )
+
+
+def _images(video: Video, full: FullView, chosen: set[int]) -> Iterator[tuple[int, np.ndarray]]:
+    """Pinhole images of some frames, with their numbers."""
+    return ((index, full.image(frame.image)) for index, frame in enumerate(video.frames()) if index in chosen)
 
 
 def _frames_to_tie(count: int, located: dict[int, CameraPose]) -> set[int]:
@@ -120,8 +157,7 @@ def _note_of_intrinsics(video: Video, full: FullView, board: Board, located: dic
     """What the board says against the intrinsics, and by how much they are wrong."""
     poses = list(located.values())
     if doubts_focal(poses):
-        chosen = _spread_out(located)
-        images = [full.image(frame.image) for index, frame in enumerate(video.frames()) if index in chosen]
+        images = [image for _, image in _images(video, full, _spread_out(located))]
         found = focal_length(images, board, full.matrix)
         if found is not None:
             return found.note
@@ -141,28 +177,44 @@ def _note_of_gaps(track: PoseTrack, located: int, carried: int, reasons: Counter
     )
 
 
-def _path_from_table(
-    video: Video, full: FullView, stamps_ns: list[int], reasons: Counter[str], height_m: float
-) -> CameraPath:
+def _path_from_table(video: Video, full: FullView, sight: _Sight, height_m: float) -> CameraPath:
     """Poses up to scale from the texture of the table."""
-    usual = reasons.most_common(1)[0][0] if reasons else "there are no frames"
+    usual = sight.reasons.most_common(1)[0][0] if sight.reasons else "there are no frames"
     frames = ((frame.stamp_ns, full.image(frame.image)) for frame in video.frames())
     try:
         background = background_poses(frames, full.matrix, height_m=height_m)
     except EpisodeError as error:
         raise EpisodeError(
-            f"{video.path.name}: no tag board is seen in any of {len(stamps_ns)} frames ({usual}), and the camera's "
-            f"motion does not follow from the table either: {error}. Put a tag board on the table (`egophys board` "
-            "prints one) and keep it in view, or give its layout if it is another one"
+            f"{video.path.name}: no tag board is seen in any of {len(sight.stamps_ns)} frames ({usual}), and the "
+            f"camera's motion does not follow from the table either: {error}. Put a tag board on the table "
+            "(`egophys board` prints one) and keep it in view, or give its layout if it is another one"
         ) from error
     known = background.known
     first = background.world_from_camera[int(np.argmax(known))]
     return CameraPath(
-        stamps_ns=stamps_ns,
+        stamps_ns=sight.stamps_ns,
         track=PoseTrack(
             world_from_camera=background.world_from_camera, inferred=np.zeros(len(known), bool), known=known
         ),
         turns=upright_turns(full.to_raw_pose(first)),
         board=None,
-        notes=(f"no tag board is seen ({usual}): {background.note}",),
+        notes=(f"no tag board is seen ({usual}): {background.note}", *([sight.flicker] if sight.flicker else [])),
     )
+
+
+def _require_unmirrored(video: Video, full: FullView, board: Board) -> None:
+    """Check that the board is not seen as in a mirror.
+
+    Raises:
+        EpisodeError: it is; says what to do.
+    """
+    finder = BoardPoseFinder(board, full.matrix)
+    chosen = set(range(0, len(video), max(1, len(video) // COMPARED_FRAMES)))
+    for index, image in _images(video, full, chosen):
+        if (tags := finder.mirrored_tags(image)) >= FEWEST_TAGS:
+            raise EpisodeError(
+                f"{video.path.name}: {tags} tags of the board are seen as in a mirror (frame {index}): either the "
+                "camera mirrors its images, as front cameras of phones do, and the whole scene would be "
+                "reconstructed mirrored: switch that off and film again, or flip the images; or the board was "
+                "printed mirrored: print it again (`egophys board`)"
+            )

@@ -49,7 +49,7 @@ class TablePoses:
         if self.tilt_deg:
             said.append(f"is tilted by {self.tilt_deg:.1f} +- {self.tilt_sigma_deg:.1f} degrees against it")
         if self.height_m:
-            said.append(f"its middle is {1e3 * self.height_m:.0f} +- {1e3 * self.height_sigma_m:.0f} mm too high")
+            said.append(f"its middle is {1e3 * self.height_m:.0f} +- {1e3 * self.height_sigma_m:.1f} mm too high")
         if not said:
             return None
         return (

@@ -170,10 +170,11 @@ def _note_of_gaps(track: PoseTrack, located: int, carried: int, reasons: Counter
         return None
     inferred, lost = int(track.inferred.sum()), int((~track.known).sum())
     left_out = ", whose frames are left out" if lost else ""
+    without = "" if carried else " (too little of it is seen)"
     return (
-        f"camera poses of {len(track.known)} frames: {located} from the board, {carried} from the table's texture, in "
-        f"the board's frame and scale, {inferred} interpolated over gaps of at most {LONGEST_FILLED_GAP_S} s, "
-        f"{lost} missing{left_out} (the board: most often {reasons.most_common(1)[0][0]})"
+        f"camera poses of {len(track.known)} frames: {located} from the board, {carried} from the table's "
+        f"texture{without}, in the board's frame and scale, {inferred} interpolated over gaps of at most "
+        f"{LONGEST_FILLED_GAP_S} s, {lost} missing{left_out} (the board: most often {reasons.most_common(1)[0][0]})"
     )
 
 

@@ -85,7 +85,7 @@ class PlaneTracker:
             frame: its number, larger than those before.
             image: [H, W, 3] uint8 BGR, pinhole.
             expected: [3, 3] homography to it from the pixels of the first keyframe, if it is nearly known; the frame is
-                then not looked for elsewhere.
+                then not searched for by features.
         """
         if image.mean() < _DARK:
             self.lost[frame] = BLACK
@@ -94,9 +94,10 @@ class PlaneTracker:
         if not self.keyframes:
             return self._start(frame, image, grey)
         key = self.keyframes[self._used[-1]]
-        guess = self._last if expected is None else expected
-        fit = self._follow(key, grey, guess @ np.linalg.inv(key.from_first))
-        if fit is None and expected is None and self._previous is not None:
+        to_first = np.linalg.inv(key.from_first)
+        fit = None if expected is None else self._follow(key, grey, expected @ to_first)
+        fit = fit or self._follow(key, grey, self._last @ to_first)
+        if fit is None and self._previous is not None:
             # The look of the table has changed too much since the keyframe, by slant or light, but not since then.
             key = self._recall(*self._previous)
             fit = self._follow(key, grey, np.eye(3))

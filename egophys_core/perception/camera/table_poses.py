@@ -19,6 +19,10 @@ TILT_TOLERANCE_DEG = 1.0
 HEIGHT_TOLERANCE_M = 0.004
 """Metres: a board on cardboard is not yet worth a word."""
 
+HIGHEST_M = 0.1
+"""Metres: no board lies on books higher than this; what is farther below it is the floor."""
+STEEPEST_DEG = 25.0
+
 _CERTAIN = 5.0
 """Standard deviations from which on a tilt or a height is not a matter of chance."""
 
@@ -47,13 +51,13 @@ class TablePoses:
         """For the user: that the board does not lie on the table, if so."""
         said = []
         if self.tilt_deg:
-            said.append(f"is tilted by {self.tilt_deg:.1f} +- {self.tilt_sigma_deg:.1f} degrees against it")
+            said.append(f"it is tilted by {self.tilt_deg:.1f} +- {self.tilt_sigma_deg:.1f} degrees against it")
         if self.height_m:
             said.append(f"its middle is {1e3 * self.height_m:.0f} +- {1e3 * self.height_sigma_m:.1f} mm too high")
         if not said:
             return None
         return (
-            f"the board does not lie on the table: it {', '.join(said)}; z = 0 and gravity were taken from the "
+            f"the board does not lie on the table: {', '.join(said)}; z = 0 and gravity were taken from the "
             "table's texture: lay the board flat on the table"
         )
 
@@ -68,7 +72,8 @@ def poses_over_table(
 
     Frames are tied to each other by homographies of the table (as for `background_poses`), and to the board by the
     poses it gives; all are fitted together. That the board lies on the table is taken for granted unless the fit says
-    otherwise with certainty: then the table is z = 0 and gravity its normal.
+    otherwise with certainty: then the table is z = 0 and gravity its normal. A plane above the board, far below it or
+    steep is no table (a pillow's top, the floor, a wall) and says nothing.
 
     Args:
         frames: (number, [H, W, 3] uint8 BGR pinhole image) in order of the numbers.
@@ -87,15 +92,22 @@ def poses_over_table(
     start = np.concatenate([_start(tracker, tied, anchors, located, camera_matrix), middle[None]])
     focal = float(np.sqrt(camera_matrix[0, 0] * camera_matrix[1, 1]))
     links, loose = _fit_loose(start, links, ties, focal)
+    points = _points_seen(links, len(tied))
+    if np.median(points) < FEWEST_POINTS:
+        return None
     tilt, height = _lie_of_board(loose, middle)
     tilt_sigma, height_sigma = loose.tilt_sigma, float(np.sqrt(loose.covariances[-1, 2, 2]))
     is_tilted = tilt > max(np.radians(TILT_TOLERANCE_DEG), _CERTAIN * tilt_sigma)
-    is_raised = abs(height) > max(HEIGHT_TOLERANCE_M, _CERTAIN * height_sigma)
-    free = _free(tilt=is_tilted, height=is_raised)
-    fit = loose if is_tilted and is_raised else adjust(start, len(tied), links, focal, first_free=free, ties=ties)
+    is_elsewhere = abs(height) > max(HEIGHT_TOLERANCE_M, _CERTAIN * height_sigma)
+    is_table = not (is_elsewhere and not 0 < height < HIGHEST_M) and not (is_tilted and tilt > np.radians(STEEPEST_DEG))
+    if not is_table or _disagreement(loose, ties) > LARGEST_UNCERTAINTY:
+        return None
+    free = _free(tilt=is_tilted, height=is_elsewhere)
+    fit = loose if is_tilted and is_elsewhere else adjust(start, len(tied), links, focal, first_free=free, ties=ties)
     tilt, height = _lie_of_board(fit, middle)
     x, y, z = board.origin
-    certain = _is_certain(fit, links)
+    deviations = np.sqrt(np.trace(fit.covariances[:-1, :3, :3], axis1=1, axis2=2))
+    certain = (points >= FEWEST_POINTS) & (deviations <= LARGEST_UNCERTAINTY)
     return TablePoses(
         world_from_camera={int(tied[index]): fit.poses[index] for index in np.flatnonzero(certain)},
         world_from_said=fit.poses[-1] @ np.linalg.inv(middle),
@@ -116,10 +128,8 @@ def _track(
     for number, image in frames:
         expected = None
         if number in located and last is not None and last in tracker.from_first:
-            move = _from_table(located[number], camera_matrix) @ np.linalg.inv(
-                _from_table(located[last], camera_matrix)
-            )
-            expected = move @ tracker.from_first[last]
+            here, there = (_from_table(located[each], camera_matrix) for each in (number, last))
+            expected = here @ np.linalg.inv(there) @ tracker.from_first[last]
         if tracker.add(number, image, expected) and number in located:
             last = number
     return tracker
@@ -130,13 +140,12 @@ def _from_table(pose: CameraPose, camera_matrix: np.ndarray) -> np.ndarray:
     return camera_matrix @ np.linalg.inv(pose.world_from_camera)[:3, [0, 1, 3]]
 
 
-def _is_certain(fit: Bundle, links: list[Link]) -> np.ndarray:
-    """[K] bool: cameras whose place is as certain as that from a board must be, from enough points of the table."""
-    points = np.zeros(len(fit.poses), int)
+def _points_seen(links: list[Link], count: int) -> np.ndarray:
+    """[K] int: points of the table by which each of K frames is tied."""
+    points = np.zeros(count, int)
     for link in links:
         np.maximum.at(points, [link.source, link.target], len(link.points))
-    deviations = np.sqrt(np.trace(fit.covariances[:-1, :3, :3], axis1=1, axis2=2))
-    return (points[:-1] >= FEWEST_POINTS) & (deviations <= LARGEST_UNCERTAINTY)
+    return points
 
 
 def _middle_of_board(board: Board) -> np.ndarray:
@@ -181,6 +190,12 @@ def _fit_loose(start: np.ndarray, links: list[Link], ties: list[Tie], focal: flo
     board = len(start) - 1
     links = without_outliers(links, adjust(start, board, links, focal, first_free=free, ties=ties))
     return links, adjust(start, board, links, focal, first_free=free, ties=ties)
+
+
+def _disagreement(fit: Bundle, ties: list[Tie]) -> float:
+    """Metres between cameras as the plane and as the board have them, half of those that see both."""
+    apart = [fit.poses[tie.target][:3, 3] - (fit.poses[tie.source] @ tie.pose)[:3, 3] for tie in ties]
+    return float(np.median(np.linalg.norm(apart, axis=1)))
 
 
 def _free(*, tilt: bool, height: bool) -> tuple[bool, ...]:

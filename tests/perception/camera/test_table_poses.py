@@ -82,6 +82,14 @@ def test_board_that_does_not_lie_on_the_table_is_noticed(table, tilt_deg, height
     assert degrees < 0.3
 
 
+@pytest.mark.parametrize("height", [-0.06, 0.3])
+def test_plane_that_is_no_table_says_nothing(table, height):
+    # The top of a pillow before the board, or the floor below the table.
+    poses = sway(10)
+    seen = located(poses, list(range(0, 10, 2)), lying(0, height))
+    assert poses_over_table(enumerate(film(table, poses)), seen, BOARD, MATRIX) is None
+
+
 def test_table_without_texture_locates_nothing():
     poses = sway(8)
     blank = np.full((1200, 1200, 3), 140.0)

@@ -24,7 +24,6 @@ _LEAST_SLANT = 0.02
 _DAMPING = 1e-3
 """Radians squared inverse: keeps the tilt where it is when nothing is seen of it."""
 _SETTLED = 1e-7
-_SOLVED_AT_ONCE = 64
 TILT_FREE = (False, False, False, True, True, False)
 """Of place and turn of the first pose: how the plane lies to it."""
 
@@ -69,7 +68,7 @@ class Bundle:
     cost: float
     """Robust mean square, pixels squared."""
     covariances: np.ndarray
-    """[T, 6, 6] of place, metres, and turn, radians, along the world's axes; 0 where they are not free."""
+    """[T, 6, 6] of place, metres, and turn, radians, along the world's axes; 0 where fixed or not asked for."""
     tilt_sigma: float
     """Radians: standard deviation of the direction of the plane's normal, in its worst direction."""
 
@@ -142,6 +141,7 @@ def adjust(
     *,
     first_free: Sequence[bool] = TILT_FREE,
     ties: Sequence[Tie] = (),
+    all_covariances: bool = False,
     iterations: int = 20,
 ) -> Bundle:
     """Least squares over all poses, robust (Cauchy), with points on z = 0 given by the link's source.
@@ -155,6 +155,7 @@ def adjust(
         focal: pixels, to weigh and to report.
         first_free: which of the first pose's place (x, y, z) and turn (about x, y, z) are free.
         ties: between poses; the first pose may be that of the board.
+        all_covariances: of all poses, which takes a while, or of the first only.
         iterations: at most.
     """
     poses = poses.copy()
@@ -184,7 +185,9 @@ def adjust(
         if step < _SETTLED:
             break
     terms = [_linearise(link, poses, focal) for link in links]
-    covariances = _covariances(solver, unknowns, len(poses))
+    covariances = np.zeros((len(poses), 6, 6))
+    for index in range(len(poses)) if all_covariances else [first]:
+        covariances[index] = _covariance(solver, unknowns, index)
     tilt = max(float(np.linalg.eigvalsh(covariances[first, 3:5, 3:5]).max()), 0.0)
     square = np.concatenate([(residual**2).sum(axis=1) for residual, _, _ in terms])
     return Bundle(
@@ -276,19 +279,16 @@ def _add_ties(system: _System, ties: Sequence[Tie], poses: np.ndarray) -> None:
         system.add(tie.source, tie.target, weighted @ both, weighted @ residual)
 
 
-def _covariances(solver: SuperLU, unknowns: np.ndarray, count: int) -> np.ndarray:
-    """[T, 6, 6] covariance of each pose by itself."""
-    poses = unknowns // 6
-    covariances = np.zeros((count, 6, 6))
-    for first in range(0, len(unknowns), _SOLVED_AT_ONCE):
-        part = np.arange(first, min(first + _SOLVED_AT_ONCE, len(unknowns)))
-        unit = np.zeros((len(unknowns), len(part)))
-        unit[part, part - first] = 1
-        solved = _CORRELATION * solver.solve(unit)
-        for column, unknown in zip(solved.T, part, strict=True):
-            own = np.flatnonzero(poses == poses[unknown])
-            covariances[poses[unknown], unknowns[own] % 6, unknowns[unknown] % 6] = column[own]
-    return covariances
+def _covariance(solver: SuperLU, unknowns: np.ndarray, pose: int) -> np.ndarray:
+    """[6, 6] covariance of a pose; 0 where it is not free."""
+    begin, end = np.searchsorted(unknowns, [6 * pose, 6 * pose + 6])
+    unit = np.zeros((len(unknowns), end - begin))
+    unit[np.arange(begin, end), np.arange(end - begin)] = 1
+    own = unknowns[begin:end] - 6 * pose
+    covariance = np.zeros((6, 6))
+    if len(own):
+        covariance[np.ix_(own, own)] = _CORRELATION * solver.solve(unit)[begin:end]
+    return covariance
 
 
 def _damping(free: np.ndarray, height: float) -> np.ndarray:

@@ -103,7 +103,7 @@ def poses_over_table(
     if not is_table or _disagreement(loose, ties) > LARGEST_UNCERTAINTY:
         return None
     free = _free(tilt=is_tilted, height=is_elsewhere)
-    fit = loose if is_tilted and is_elsewhere else adjust(start, len(tied), links, focal, first_free=free, ties=ties)
+    fit = adjust(start, len(tied), links, focal, first_free=free, ties=ties, all_covariances=True)
     tilt, height = _lie_of_board(fit, middle)
     x, y, z = board.origin
     deviations = np.sqrt(np.trace(fit.covariances[:-1, :3, :3], axis1=1, axis2=2))

@@ -13,15 +13,15 @@ from egophys_core.perception.camera.plane_links import plane_links, without_outl
 
 FEWEST_FRAMES = 2
 FEWEST_POINTS = 60
-"""Points on the table, off which nothing else is, that a frame needs; usual are 200."""
+"""Points on the table that a frame needs; usual are 200."""
 TILT_TOLERANCE_DEG = 1.0
 """Degrees: a board that lies on a table at a larger angle lies on something else."""
 HEIGHT_TOLERANCE_M = 0.004
 """Metres: a board on cardboard is not yet worth a word."""
-
 HIGHEST_M = 0.1
 """Metres: no board lies on books higher than this; what is farther below it is the floor."""
 STEEPEST_DEG = 25.0
+"""Degrees: nor so steep."""
 
 _CERTAIN = 5.0
 """Standard deviations from which on a tilt or a height is not a matter of chance."""
@@ -34,7 +34,7 @@ class TablePoses:
     world_from_camera: dict[int, np.ndarray]
     """[4, 4] metres, by number of those frames that are tied to the table."""
     world_from_said: np.ndarray
-    """[4, 4]: from the world as the board would have it if it lay on the table; the identity if it does."""
+    """[4, 4]: from the world of the poses that the board gives, as if it lay on the table; the identity if it does."""
     board: Board
     """Where the board lies in that world: raised if it is certainly not on the table."""
     tilt_deg: float
@@ -87,14 +87,14 @@ def poses_over_table(
     if len(tied) < FEWEST_FRAMES or not len(anchors):
         return None
     links = plane_links(tracker, tied, np.linalg.inv(camera_matrix))
+    if np.median(_points_seen(links, len(tied))) < FEWEST_POINTS:
+        return None
     middle = _middle_of_board(board)
     ties = [_tie(index, len(tied), located[tied[index]], middle) for index in anchors]
     start = np.concatenate([_start(tracker, tied, anchors, located, camera_matrix), middle[None]])
     focal = float(np.sqrt(camera_matrix[0, 0] * camera_matrix[1, 1]))
     links, loose = _fit_loose(start, links, ties, focal)
     points = _points_seen(links, len(tied))
-    if np.median(points) < FEWEST_POINTS:
-        return None
     tilt, height = _lie_of_board(loose, middle)
     tilt_sigma, height_sigma = loose.tilt_sigma, float(np.sqrt(loose.covariances[-1, 2, 2]))
     is_tilted = tilt > max(np.radians(TILT_TOLERANCE_DEG), _CERTAIN * tilt_sigma)
@@ -112,8 +112,8 @@ def poses_over_table(
         world_from_camera={int(tied[index]): fit.poses[index] for index in np.flatnonzero(certain)},
         world_from_said=fit.poses[-1] @ np.linalg.inv(middle),
         board=replace(board, origin=(x, y, z + height)),
-        tilt_deg=float(np.degrees(tilt)),
-        height_m=height,
+        tilt_deg=float(np.degrees(tilt)) if is_tilted else 0.0,
+        height_m=height if is_elsewhere else 0.0,
         tilt_sigma_deg=float(np.degrees(tilt_sigma)),
         height_sigma_m=height_sigma,
     )

@@ -8,6 +8,7 @@ from egophys_core.perception.camera.board import Board
 from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose
 from egophys_core.perception.camera.lens import Camera, FullView, SquareView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S
+from egophys_core.perception.camera.table_follower import TableFollower
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import PerceptionOptions, Stages
 from egophys_core.perception.scene_observer import SceneObserver
@@ -28,7 +29,10 @@ def require_live(options: PerceptionOptions) -> None:
 
 
 class LiveObserver:
-    """As `perceive`, frame by frame: poses are not interpolated, since what comes next is not known."""
+    """As `perceive`, frame by frame: poses are not interpolated, since what comes next is not known.
+
+    While the board is not seen, the table's texture carries the pose from the last frame in which it was.
+    """
 
     def __init__(self, camera: Camera, *, options: PerceptionOptions | None = None, board: Board | None = None) -> None:
         """Nothing is known yet.
@@ -42,6 +46,7 @@ class LiveObserver:
         self._board = board or Board()
         self._full = FullView(camera)
         self._finder = BoardPoseFinder(self._board, self._full.matrix)
+        self._table = TableFollower(self._full.matrix)
         self._square: SquareView | None = None
         self._scene = SceneObserver(self._options, self._board)
         self._near: CameraPose | None = None
@@ -63,14 +68,19 @@ class LiveObserver:
             self.status = "a frame is not later than the one before; left out"
             return []
         is_recent = (stamp_ns - self._stamp_ns) * 1e-9 < LONGEST_FILLED_GAP_S
-        pose = self._finder.find(self._full.image(image), near=self._near if is_recent else None)
+        whole = self._full.image(image)
+        pose = self._finder.find(whole, near=self._near if is_recent else None)
         self._stamp_ns = stamp_ns
         if isinstance(pose, NoPose):
             self._near = self._near if is_recent else None
-            self.status = f"no camera pose: {pose.reason}"
-            return []
-        self._near = pose
-        raw_pose = self._full.to_raw_pose(pose.world_from_camera)
+            world_from_camera = self._table.find(whole)
+            if world_from_camera is None:
+                self.status = f"no camera pose: {pose.reason}"
+                return []
+        else:
+            self._near, world_from_camera = pose, pose.world_from_camera
+            self._table.locate(whole, pose)
+        raw_pose = self._full.to_raw_pose(world_from_camera)
         if self._square is None:
             self._square = SquareView(self._camera, turns=upright_turns(raw_pose), side=self._options.side)
         view = View(

@@ -2,7 +2,6 @@
 
 import dataclasses
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,12 +10,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from egophys_core.episode import Episode
-from egophys_core.errors import EpisodeError
-from egophys_core.perception.camera.background_motion import background_poses
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose, intrinsics_warning
-from egophys_core.perception.camera.lens import FullView, SquareView, upright_turns
-from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S, PoseTrack, track_poses
+from egophys_core.perception.camera.camera_path import CameraPath, find_camera_path
+from egophys_core.perception.camera.lens import SquareView
 from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC, Video, VideoWarning, open_video
 from egophys_core.perception.episode_assembly import EpisodeAssembly
 from egophys_core.perception.observation import Observation
@@ -32,7 +28,7 @@ class PerceptionReport:
     frames: int
     """Views that were looked at."""
     posed: int
-    """Of them, views whose camera pose was found on the board."""
+    """Of them, views whose camera pose was found, on the board or on the table."""
     pose_inferred: int
     """Views whose pose was interpolated over a short gap."""
     scale_is_known: bool
@@ -116,8 +112,8 @@ def _perceive(
 ) -> Perceived:
     if options.stages == Stages.LEARNED:
         return _perceive_by_learned_stages(video, options, board, on_observation, tell)
-    camera = _find_poses(video, board, options, tell)
-    scene = SceneObserver(options, board if camera.scale_is_known else None)
+    camera = find_camera_path(video, board, height_m=options.camera_height_m, tell=tell)
+    scene = SceneObserver(options, camera.board)
     assembly: EpisodeAssembly | None = None
     hand_seen = 0
 
@@ -154,7 +150,7 @@ def _perceive_by_learned_stages(
     from egophys_core.perception.staged_video import observe_by_stages
 
     stages = load_stages(options)
-    camera = _find_poses(video, board, options, tell)
+    camera = find_camera_path(video, board, height_m=options.camera_height_m, tell=tell)
     tell("shape", 0.0)
 
     def views() -> Iterator[View]:
@@ -190,7 +186,7 @@ def _perceive_by_learned_stages(
     return Perceived(episode=episode, start_ns=stamps_ns[0], report=report)
 
 
-def _views(video: Video, camera: "_CameraPath", options: PerceptionOptions) -> Iterator[View]:
+def _views(video: Video, camera: CameraPath, options: PerceptionOptions) -> Iterator[View]:
     """Square, upright views with their poses."""
     square = SquareView(video.camera, turns=camera.turns, side=options.side)
     poses = dict(zip(camera.stamps_ns, camera.track.world_from_camera, strict=True))
@@ -203,90 +199,13 @@ def _views(video: Video, camera: "_CameraPath", options: PerceptionOptions) -> I
         )
 
 
-def _episode_name(video: Video, camera: "_CameraPath") -> str:
+def _episode_name(video: Video, camera: CameraPath) -> str:
     """A twin keeps the names of its episodes, so that of the assumed scale tells whoever plans with it."""
     return video.path.resolve().name + ("" if camera.scale_is_known else " (scale assumed)")
 
 
-@dataclass(frozen=True, kw_only=True)
-class _CameraPath:
-    """Poses of the raw camera over the frames that can be decoded."""
-
-    stamps_ns: list[int]
-    track: PoseTrack
-    turns: int
-    scale_is_known: bool
-    notes: tuple[str, ...]
-
-
-def _find_poses(
-    video: Video, board: Board, options: PerceptionOptions, tell: Callable[[str, float], None]
-) -> _CameraPath:
-    """Poses from the tag board, or, if it is seen in no frame, from the table."""
-    full = FullView(video.camera)
-    finder = BoardPoseFinder(board, full.matrix)
-    poses: list[CameraPose | NoPose] = []
-    stamps_ns: list[int] = []
-    near: CameraPose | None = None
-    near_ns = 0
-    for index, frame in enumerate(video.frames()):
-        is_recent = near is not None and (frame.stamp_ns - near_ns) * 1e-9 < LONGEST_FILLED_GAP_S
-        pose = finder.find(full.image(frame.image), near=near if is_recent else None)
-        if isinstance(pose, CameraPose):
-            near, near_ns = pose, frame.stamp_ns
-        poses.append(pose)
-        stamps_ns.append(frame.stamp_ns)
-        tell("camera poses", min((index + 1) / max(len(video), 1), 1.0))
-    found = [pose for pose in poses if isinstance(pose, CameraPose)]
-    reasons = Counter(pose.reason for pose in poses if isinstance(pose, NoPose))
-    if not found:
-        return _poses_from_table(video, full, stamps_ns, reasons, options)
-    track = track_poses(stamps_ns, poses)
-    inferred, lost = int(track.inferred.sum()), int((~track.known).sum())
-    notes = [note for note in (intrinsics_warning(found),) if note]
-    if inferred or lost:
-        notes.append(
-            f"camera pose: {inferred} of {len(poses)} interpolated over gaps of at most {LONGEST_FILLED_GAP_S} s, "
-            f"{lost} missing, whose frames are left out (most often: {reasons.most_common(1)[0][0]})"
-        )
-    return _CameraPath(
-        stamps_ns=stamps_ns,
-        track=track,
-        turns=upright_turns(full.to_raw_pose(found[0].world_from_camera)),
-        scale_is_known=True,
-        notes=tuple(notes),
-    )
-
-
-def _poses_from_table(
-    video: Video, full: FullView, stamps_ns: list[int], reasons: Counter[str], options: PerceptionOptions
-) -> _CameraPath:
-    """Poses up to scale from the texture of the table."""
-    usual = reasons.most_common(1)[0][0] if reasons else "there are no frames"
-    frames = ((frame.stamp_ns, full.image(frame.image)) for frame in video.frames())
-    try:
-        background = background_poses(frames, full.matrix, height_m=options.camera_height_m)
-    except EpisodeError as error:
-        raise EpisodeError(
-            f"{video.path.name}: no tag board is seen in any of {len(stamps_ns)} frames ({usual}), and the camera's "
-            f"motion does not follow from the table either: {error}. Put a tag board on the table (`egophys board` "
-            "prints one) and keep it in view, or give its layout if it is another one"
-        ) from error
-    known = background.known
-    first = background.world_from_camera[int(np.argmax(known))]
-    return _CameraPath(
-        stamps_ns=stamps_ns,
-        track=PoseTrack(
-            world_from_camera=background.world_from_camera, inferred=np.zeros(len(known), bool), known=known
-        ),
-        turns=upright_turns(full.to_raw_pose(first)),
-        scale_is_known=False,
-        notes=(f"no tag board is seen ({usual}): {background.note}",),
-    )
-
-
 def _report(
-    camera: _CameraPath, scene: SceneObserver, assembly: EpisodeAssembly, episode: Episode, hand_seen: int
+    camera: CameraPath, scene: SceneObserver, assembly: EpisodeAssembly, episode: Episode, hand_seen: int
 ) -> PerceptionReport:
     assert scene.rest is not None
     rest, track = scene.rest, camera.track

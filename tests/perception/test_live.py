@@ -9,6 +9,7 @@ from egophys_core.perception.observation import Observation
 from tests.perception.surface.surface_scene import MATRIX, OPTIONS, SIDE, DrawnFrame, material_of, surface, video
 
 FRAMES = video()[:24]
+COVERED = (19, 20)
 BLACK = np.zeros((SIDE, SIDE, 3), np.uint8)
 
 Live = tuple[list[list[Observation]], list[str]]
@@ -20,10 +21,16 @@ def observer() -> LiveObserver:
 
 @pytest.fixture(scope="module")
 def run() -> Live:
-    """Observations and status after each frame; two black frames and an old one come in between (after 16)."""
+    """Observations and status after each frame.
+
+    Two black frames and an old one come in between (after 16); in 19 and 20 the board is covered.
+    """
     live, found, said = observer(), [], []
     for index, frame in enumerate(FRAMES):
-        found.append(live.add(frame.stamp_ns, frame.image))
+        image = frame.image.copy()
+        if index in COVERED:
+            image[: SIDE // 2 - 8] = (150, 170, 185)
+        found.append(live.add(frame.stamp_ns, image))
         said.append(live.status)
         if index == 16:
             for stamp_ns, image in ((frame.stamp_ns + 1000, BLACK), (frame.stamp_ns - 1000, frame.image)):
@@ -60,6 +67,12 @@ def test_points_are_as_exact_as_recorded_ones(run: Live) -> None:
     last = seen[-1]
     away = np.linalg.norm(last.points - surface(frame_of(last))[material], axis=1)
     assert away[last.visible].mean() < 0.004
+
+
+def test_table_carries_the_pose_while_the_board_is_covered(run: Live) -> None:
+    for index in COVERED:
+        (seen,) = run[0][index]
+        assert np.linalg.norm(seen.view.world_from_camera[:3, 3] - FRAMES[index].world_from_camera[:3, 3]) < 0.003
 
 
 def test_same_number_of_points_in_every_observation(run: Live) -> None:

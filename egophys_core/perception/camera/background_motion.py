@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.errors import EpisodeError
-from egophys_core.perception.camera.dominant_plane import PlaneObservation, PlaneTracker
+from egophys_core.perception.camera.dominant_plane import PlaneTracker
 from egophys_core.perception.camera.plane_bundle import (
     Bundle,
     Link,
@@ -16,6 +16,7 @@ from egophys_core.perception.camera.plane_bundle import (
     plane_normals,
     pose_from_move,
 )
+from egophys_core.perception.camera.plane_links import plane_links, without_outliers
 
 LARGEST_TILT_DEG = 1.0
 """Degrees, standard deviation: a table whose tilt is less certain than this is no base for gravity and heights."""
@@ -25,9 +26,6 @@ LONGEST_SIZE_M = 100.0
 _TRIAL_FRAMES = 40
 _AMBIGUOUS = 1.1
 _UNLIKE_DEG = 10.0
-_OFF_PLANE = 2.5
-"""Times the median: points whose residuals over all frames are larger are taken for points off the plane."""
-_ON_PLANE_SHARE = 0.8
 _ADVICE = "move the head sideways by a hand's breadth while looking at the table, or lay the board on the table"
 
 
@@ -104,10 +102,9 @@ def background_poses(
 def _solve(
     tracker: PlaneTracker, tied: np.ndarray, count: int, camera_matrix: np.ndarray, height_m: float
 ) -> BackgroundPoses:
-    observations = _of_plane(tracker)
     inverse = np.linalg.inv(camera_matrix)
     moves = np.stack([inverse @ tracker.from_first[frame] @ camera_matrix for frame in tied])
-    links = _links(tracker, observations, tied, inverse)
+    links = plane_links(tracker, tied, inverse)
     rays = np.concatenate([link.rays for link in links if link.source == 0])[::10]
     focal = float(np.sqrt(camera_matrix[0, 0] * camera_matrix[1, 1]))
     trial = _trial(links, len(tied))
@@ -121,7 +118,7 @@ def _solve(
     chosen, reservation = _choose(tries)
     start = np.stack([pose_from_move(move, chosen.poses[0]) for move in moves])
     bundle = adjust(start, 0, links, focal)
-    links = _without_outliers(links, bundle)
+    links = without_outliers(links, bundle)
     bundle = adjust(bundle.poses, 0, links, focal)
     tilt = float(np.degrees(bundle.tilt_sigma))
     if not tilt < LARGEST_TILT_DEG:
@@ -155,42 +152,6 @@ def _why_lost(tracker: PlaneTracker) -> str:
     return ", ".join(f"{count} frames: {reason}" for reason, count in Counter(tracker.lost.values()).most_common())
 
 
-def _of_plane(tracker: PlaneTracker) -> list[PlaneObservation]:
-    """Observations of those points only that are on the plane in most frames: what was moved later is not the table."""
-    kept = []
-    for observation in tracker.observations:
-        key = tracker.keyframes[observation.keyframe]
-        good = (key.on_plane >= _ON_PLANE_SHARE * key.tracked)[observation.points]
-        points, pixels = observation.points[good], observation.pixels[good]
-        kept.append(
-            PlaneObservation(frame=observation.frame, keyframe=observation.keyframe, points=points, pixels=pixels)
-        )
-    return kept
-
-
-def _links(
-    tracker: PlaneTracker, observations: list[PlaneObservation], tied: np.ndarray, inverse: np.ndarray
-) -> list[Link]:
-    """The observations with directions for pixels and indices into `tied` for frames."""
-
-    def flat(pixels: np.ndarray) -> np.ndarray:
-        return pixels.astype(np.float64) @ inverse[:2, :2].T + inverse[:2, 2]
-
-    links = []
-    for each in observations:
-        source = flat(tracker.keyframes[each.keyframe].points[each.points])
-        links.append(
-            Link(
-                source=int(np.searchsorted(tied, each.keyframe)),
-                target=int(np.searchsorted(tied, each.frame)),
-                points=each.points,
-                rays=np.column_stack([source, np.ones(len(source))]),
-                flat=flat(each.pixels),
-            )
-        )
-    return links
-
-
 def _trial(links: list[Link], count: int) -> list[Link]:
     """Links of some frames and of all that are keyframes: enough to compare normals."""
     frames = set(np.linspace(0, count - 1, _TRIAL_FRAMES).astype(int)) | {link.source for link in links}
@@ -210,28 +171,6 @@ def _choose(tries: list[Bundle]) -> tuple[Bundle, str]:
                 "the one more upright in the image was taken: move the head along a curve."
             )
     return best, ""
-
-
-def _without_outliers(links: list[Link], bundle: Bundle) -> list[Link]:
-    """Links without points of larger residuals than others throughout: they are a little off the plane."""
-    largest = 1 + max(int(link.points.max(initial=0)) for link in links)
-    keys = np.concatenate([link.source * largest + link.points.astype(int) for link in links])
-    numbers = np.unique(keys, return_inverse=True)[1]
-    square = np.minimum(np.concatenate(bundle.residuals), 1.0) ** 2
-    rms = np.sqrt(np.bincount(numbers, square) / np.bincount(numbers))
-    good = rms <= _OFF_PLANE * np.median(rms)
-    ends = np.cumsum([len(link.points) for link in links])[:-1]
-    kept = np.split(good[numbers], ends)
-    return [
-        Link(
-            source=link.source,
-            target=link.target,
-            points=link.points[keep],
-            rays=link.rays[keep],
-            flat=link.flat[keep],
-        )
-        for link, keep in zip(links, kept, strict=True)
-    ]
 
 
 def _in_world(poses: np.ndarray, links: list[Link], height_m: float) -> np.ndarray:

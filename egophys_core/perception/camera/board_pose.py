@@ -114,6 +114,11 @@ class BoardPoseFinder:
             )
         return self._judge(fit)
 
+    def mirrored_tags(self, image: np.ndarray) -> int:
+        """How many of the board's tags an image [H, W, 3] uint8 shows as a mirror does."""
+        gray = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+        return len(self._detect(cv2.flip(gray, 1))[0])
+
     def _detect(self, gray: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Indices [K] of this board's tags and their corners [K, 4, 2], pixels, clockwise from the upper left."""
         corners, ids, _ = self._detector.detectMarkers(gray)
@@ -190,8 +195,8 @@ def intrinsics_warning(poses: Sequence[CameraPose]) -> str | None:
     """What the tags of all frames say against the intrinsics or the board's layout; None if they agree."""
     if not poses:
         return None
-    error, deviation = focal_error(poses)
-    if abs(error) > max(FOCAL_TOLERANCE, 5 * deviation):
+    if doubts_focal(poses):
+        error, deviation = focal_error(poses)
         return (
             f"the tags say that the true focal length is {100 * error:+.1f} +- {100 * deviation:.1f} % from "
             "what the CameraInfo has; "
@@ -210,6 +215,12 @@ def intrinsics_warning(poses: Sequence[CameraPose]) -> str | None:
             "measure the print, lay it flat, or calibrate the camera"
         )
     return None
+
+
+def doubts_focal(poses: Sequence[CameraPose]) -> bool:
+    """Whether the tags of all frames say with certainty that the focal length is another."""
+    error, deviation = focal_error(poses)
+    return abs(error) > max(FOCAL_TOLERANCE, 5 * deviation)
 
 
 def focal_error(poses: Sequence[CameraPose]) -> tuple[float, float]:

@@ -30,6 +30,8 @@ _DARK = 5.0
 _FEATURES = 1500
 _RECOGNISED_PX = 3.0
 _SEARCHED_KEYFRAMES = 6
+_LONGEST_WAIT = 8
+"""Frames between two searches by features."""
 _RESTART_BELOW = 5
 """Frames tied to the first keyframe before it is trusted more than a frame that does not fit it."""
 
@@ -71,15 +73,19 @@ class PlaneTracker:
         """Last homography found, from the pixels of the first keyframe."""
         self._previous: tuple[int, np.ndarray, np.ndarray] | None = None
         """The frame before, its image and that of even contrast, if it was tied."""
+        self._missed = 0
+        """Frames since the last that was tied."""
         self._sift = cv2.SIFT.create(nfeatures=_FEATURES)
         self._matcher = cv2.BFMatcher(cv2.NORM_L2)
 
-    def add(self, frame: int, image: np.ndarray) -> bool:
+    def add(self, frame: int, image: np.ndarray, expected: np.ndarray | None = None) -> bool:
         """Tie a frame to the keyframes; whether that worked.
 
         Args:
             frame: its number, larger than those before.
             image: [H, W, 3] uint8 BGR, pinhole.
+            expected: [3, 3] homography to it from the pixels of the first keyframe, if it is nearly known; the frame is
+                then not searched for by features.
         """
         if image.mean() < _DARK:
             self.lost[frame] = BLACK
@@ -88,15 +94,18 @@ class PlaneTracker:
         if not self.keyframes:
             return self._start(frame, image, grey)
         key = self.keyframes[self._used[-1]]
-        fit = self._follow(key, grey, self._last @ np.linalg.inv(key.from_first))
+        to_first = np.linalg.inv(key.from_first)
+        fit = None if expected is None else self._follow(key, grey, expected @ to_first)
+        fit = fit or self._follow(key, grey, self._last @ to_first)
         if fit is None and self._previous is not None:
             # The look of the table has changed too much since the keyframe, by slant or light, but not since then.
             key = self._recall(*self._previous)
             fit = self._follow(key, grey, np.eye(3))
         self._previous = None
         if fit is None:
-            found = self._find_again(grey)
+            found = self._find_again(grey) if expected is None and self._is_time_to_search() else None
             if found is None:
+                self._missed += 1
                 if len(self.from_first) <= _RESTART_BELOW:
                     return self._start(frame, image, grey)
                 self.lost[frame] = HIDDEN
@@ -123,6 +132,7 @@ class PlaneTracker:
         return True
 
     def _keep(self, frame: int, key: Keyframe, fit: PlaneFit) -> None:
+        self._missed = 0
         key.tracked[fit.tracked] += 1
         key.on_plane[fit.points] += 1
         key.best_share = max(key.best_share, fit.share)
@@ -187,6 +197,10 @@ class PlaneTracker:
             if fit is not None:
                 return key, fit
         return None
+
+    def _is_time_to_search(self) -> bool:
+        """Whether to look for features, which takes ten times longer: ever more rarely while that finds nothing."""
+        return self._missed & (self._missed + 1) == 0 or self._missed % _LONGEST_WAIT == 0
 
     def _recall(self, frame: int, image: np.ndarray, grey: np.ndarray) -> Keyframe:
         """The keyframe made of a frame that is tied."""

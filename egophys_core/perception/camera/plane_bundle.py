@@ -1,10 +1,11 @@
 """Camera poses over a plane, from where its points are seen: the tilt of the first camera, then all poses together."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial.transform import Rotation
 
 from egophys_core.geometry import nearest_rotation
@@ -23,6 +24,8 @@ _LEAST_SLANT = 0.02
 _DAMPING = 1e-3
 """Radians squared inverse: keeps the tilt where it is when nothing is seen of it."""
 _SETTLED = 1e-7
+TILT_FREE = (False, False, False, True, True, False)
+"""Of place and turn of the first pose: how the plane lies to it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +44,20 @@ class Link:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Tie:
+    """A camera located otherwise: by the print of a board."""
+
+    source: int
+    """Index of the pose of the board."""
+    target: int
+    """Index of the camera's pose."""
+    pose: np.ndarray
+    """[4, 4] board from camera."""
+    covariance: np.ndarray
+    """[6, 6] of the camera's place, metres, and of a small turn, radians, along the axes of the board."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Bundle:
     """Poses that fit the links best."""
 
@@ -50,6 +67,8 @@ class Bundle:
     """Per link [N], pixels: distance of seen and projected."""
     cost: float
     """Robust mean square, pixels squared."""
+    covariances: np.ndarray
+    """[T, 6, 6] of place, metres, and turn, radians, along the world's axes; 0 where fixed or not asked for."""
     tilt_sigma: float
     """Radians: standard deviation of the direction of the plane's normal, in its worst direction."""
 
@@ -114,34 +133,49 @@ def pose_from_move(move: np.ndarray, first: np.ndarray) -> np.ndarray:
     return pose
 
 
-def adjust(poses: np.ndarray, first: int, links: list[Link], focal: float, iterations: int = 20) -> Bundle:
+def adjust(
+    poses: np.ndarray,
+    first: int,
+    links: list[Link],
+    focal: float,
+    *,
+    first_free: Sequence[bool] = TILT_FREE,
+    ties: Sequence[Tie] = (),
+    all_covariances: bool = False,
+    iterations: int = 20,
+) -> Bundle:
     """Least squares over all poses, robust (Cauchy), with points on z = 0 given by the link's source.
 
-    Of the first pose only the tilt is free: place, scale and heading of the world are its own.
+    Of the first pose only the tilt is free, unless told otherwise: place, scale and heading of the world are its own.
 
     Args:
         poses: [T, 4, 4] world from camera, nearly right; those without links stay.
         first: index of the first pose.
         links: between poses.
         focal: pixels, to weigh and to report.
+        first_free: which of the first pose's place (x, y, z) and turn (about x, y, z) are free.
+        ties: between poses; the first pose may be that of the board.
+        all_covariances: of all poses, which takes a while, or of the first only.
         iterations: at most.
     """
     poses = poses.copy()
     free = np.zeros((len(poses), 6), bool)
     free[[link.source for link in links] + [link.target for link in links]] = True
-    free[first] = [False, False, False, True, True, False]
+    free[first] = first_free
     unknowns = np.flatnonzero(free)
     scale = np.where(free, 1.0, 0.0).reshape(-1)
-    height = abs(poses[first, 2, 3])
+    height = float(np.median(np.abs(poses[:, 2, 3])))
     step = np.inf
     for _ in range(iterations):
         terms = [_linearise(link, poses, focal) for link in links]
         sigma = _spread(terms)
-        information, gradient = _normal_equations(links, terms, sigma, len(poses))
-        kept = information[unknowns][:, unknowns] + sparse.diags(_damping(free, height)[unknowns])
+        system = _System(len(poses))
+        _add_links(system, links, terms, sigma)
+        _add_ties(system, ties, poses)
+        kept = system.information()[unknowns][:, unknowns] + sparse.diags(_damping(free, height)[unknowns])
         change = np.zeros(free.size)
         solver = splu(kept.tocsc())
-        change[unknowns] = -solver.solve(gradient[unknowns])
+        change[unknowns] = -solver.solve(system.gradient.reshape(-1)[unknowns])
         step = float(np.abs(change * scale).max())
         change = change.reshape(-1, 6) * min(1.0, 0.3 / max(step, 1e-12))
         for index in np.flatnonzero(free.any(axis=1)):
@@ -151,16 +185,17 @@ def adjust(poses: np.ndarray, first: int, links: list[Link], focal: float, itera
         if step < _SETTLED:
             break
     terms = [_linearise(link, poses, focal) for link in links]
-    tilt = np.searchsorted(unknowns, 6 * first + np.array([3, 4]))
-    unit = np.zeros((len(unknowns), 2))
-    unit[tilt, [0, 1]] = 1
-    covariance = _CORRELATION * solver.solve(unit)[tilt]
+    covariances = np.zeros((len(poses), 6, 6))
+    for index in range(len(poses)) if all_covariances else [first]:
+        covariances[index] = _covariance(solver, unknowns, index)
+    tilt = max(float(np.linalg.eigvalsh(covariances[first, 3:5, 3:5]).max()), 0.0)
     square = np.concatenate([(residual**2).sum(axis=1) for residual, _, _ in terms])
     return Bundle(
         poses=poses,
         residuals=[np.linalg.norm(residual, axis=1) for residual, _, _ in terms],
         cost=float(np.log1p(square).mean()),
-        tilt_sigma=float(np.hypot(np.sqrt(max(np.linalg.eigvalsh(covariance).max(), 0)), _TILT_FLOOR)),
+        covariances=covariances,
+        tilt_sigma=float(np.hypot(np.sqrt(tilt), _TILT_FLOOR)),
     )
 
 
@@ -194,26 +229,66 @@ def _spread(terms: list[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> float:
     return max(_LEAST_SIGMA, float(robust_scale(np.concatenate([residual for residual, _, _ in terms]))))
 
 
-def _normal_equations(
-    links: list[Link], terms: list[tuple[np.ndarray, np.ndarray, np.ndarray]], sigma: float, count: int
-) -> tuple[sparse.csr_matrix, np.ndarray]:
-    """Information [6T, 6T] and gradient [6T] of Cauchy's loss."""
-    gradient = np.zeros((count, 6))
-    blocks, rows, columns = [], [], []
+class _System:
+    """Information [6T, 6T] and gradient [T, 6] of least squares over pairs of poses."""
+
+    def __init__(self, count: int) -> None:
+        self.gradient = np.zeros((count, 6))
+        self._blocks: list[np.ndarray] = []
+        self._rows: list[np.ndarray] = []
+        self._columns: list[np.ndarray] = []
+
+    def add(self, source: int, target: int, block: np.ndarray, slope: np.ndarray) -> None:
+        """Add information [12, 12] and gradient [12] in two poses."""
+        self.gradient[source] += slope[:6]
+        self.gradient[target] += slope[6:]
+        unknowns = np.concatenate([6 * source + np.arange(6), 6 * target + np.arange(6)])
+        self._blocks.append(block.ravel())
+        self._rows.append(np.repeat(unknowns, 12))
+        self._columns.append(np.tile(unknowns, 12))
+
+    def information(self) -> sparse.csr_matrix:
+        data = (np.concatenate(self._blocks), (np.concatenate(self._rows), np.concatenate(self._columns)))
+        return sparse.csr_matrix(sparse.coo_matrix(data, shape=(self.gradient.size, self.gradient.size)))
+
+
+def _add_links(
+    system: _System, links: list[Link], terms: list[tuple[np.ndarray, np.ndarray, np.ndarray]], sigma: float
+) -> None:
+    """Add what links say, of Cauchy's loss."""
     for link, (residual, by_source, by_target) in zip(links, terms, strict=True):
         weight = cauchy_weights((residual**2).sum(axis=1), 2 * sigma) / sigma**2
         both = np.concatenate([by_source, by_target], axis=2).reshape(-1, 12)
         weighted = both * np.repeat(weight, 2)[:, None]
-        block = weighted.T @ both
-        slope = weighted.T @ residual.reshape(-1)
-        gradient[link.source] += slope[:6]
-        gradient[link.target] += slope[6:]
-        unknowns = np.concatenate([6 * link.source + np.arange(6), 6 * link.target + np.arange(6)])
-        blocks.append(block.ravel())
-        rows.append(np.repeat(unknowns, 12))
-        columns.append(np.tile(unknowns, 12))
-    data = (np.concatenate(blocks), (np.concatenate(rows), np.concatenate(columns)))
-    return sparse.csr_matrix(sparse.coo_matrix(data, shape=(6 * count, 6 * count))), gradient.reshape(-1)
+        system.add(link.source, link.target, weighted.T @ both, weighted.T @ residual.reshape(-1))
+
+
+def _add_ties(system: _System, ties: Sequence[Tie], poses: np.ndarray) -> None:
+    """Add what ties say, weighed against links by how much the errors of these are alike."""
+    for tie in ties:
+        source, target = poses[tie.source], poses[tie.target]
+        expected = source @ tie.pose
+        turn = Rotation.from_matrix(target[:3, :3] @ expected[:3, :3].T).as_rotvec()
+        residual = np.concatenate([target[:3, 3] - expected[:3, 3], turn])
+        arm = expected[:3, 3] - source[:3, 3]
+        by_source = -np.eye(6)
+        by_source[:3, 3:] = _cross(arm[None])[0]
+        both = np.concatenate([by_source, np.eye(6)], axis=1)
+        to_world = np.kron(np.eye(2), source[:3, :3])
+        weighted = both.T @ (_CORRELATION * np.linalg.inv(to_world @ tie.covariance @ to_world.T))
+        system.add(tie.source, tie.target, weighted @ both, weighted @ residual)
+
+
+def _covariance(solver: SuperLU, unknowns: np.ndarray, pose: int) -> np.ndarray:
+    """[6, 6] covariance of a pose; 0 where it is not free."""
+    begin, end = np.searchsorted(unknowns, [6 * pose, 6 * pose + 6])
+    unit = np.zeros((len(unknowns), end - begin))
+    unit[np.arange(begin, end), np.arange(end - begin)] = 1
+    own = unknowns[begin:end] - 6 * pose
+    covariance = np.zeros((6, 6))
+    if len(own):
+        covariance[np.ix_(own, own)] = _CORRELATION * solver.solve(unit)[begin:end]
+    return covariance
 
 
 def _damping(free: np.ndarray, height: float) -> np.ndarray:

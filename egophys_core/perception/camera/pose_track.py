@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import EpisodeError
 from egophys_core.interpolation import PosesOverTime
-from egophys_core.perception.camera.board_pose import CameraPose, NoPose
 
 LONGEST_FILLED_GAP_S = 0.5
 """As for controllers: what a head does in longer than half a second cannot be guessed."""
@@ -27,7 +26,7 @@ class PoseTrack:
     """[T] bool: measured or inferred."""
 
 
-def track_poses(stamps_ns: Sequence[int] | np.ndarray, poses: Sequence[CameraPose | NoPose]) -> PoseTrack:
+def track_poses(stamps_ns: Sequence[int] | np.ndarray, poses: np.ndarray) -> PoseTrack:
     """Put poses of single frames together and interpolate where they are missing.
 
     A gap lasts from the pose before it to the pose after it. Gaps up to `LONGEST_FILLED_GAP_S` are filled: places
@@ -35,7 +34,7 @@ def track_poses(stamps_ns: Sequence[int] | np.ndarray, poses: Sequence[CameraPos
 
     Args:
         stamps_ns: [T] strictly increasing, nanoseconds.
-        poses: T, one a frame.
+        poses: [T, 4, 4] world from camera, metres; NaN where it is missing.
 
     Raises:
         EpisodeError: the lengths differ or the stamps do not increase.
@@ -46,10 +45,7 @@ def track_poses(stamps_ns: Sequence[int] | np.ndarray, poses: Sequence[CameraPos
             f"poses need one strictly increasing stamp each, got {len(poses)} poses and {len(times)} stamps; "
             "sort the frames by stamp and drop repeated ones"
         )
-    matrices = np.full((len(poses), 4, 4), np.nan)
-    for frame, pose in enumerate(poses):
-        if isinstance(pose, CameraPose):
-            matrices[frame] = pose.world_from_camera
+    matrices = np.array(poses, dtype=np.float64).reshape(-1, 4, 4)
     measured = np.isfinite(matrices).all(axis=(1, 2))
     inferred = np.zeros(len(poses), bool)
     frames = np.flatnonzero(measured)

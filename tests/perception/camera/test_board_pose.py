@@ -17,6 +17,7 @@ from egophys_core.perception.camera.board_pose import (
     focal_error,
     intrinsics_warning,
 )
+from egophys_core.perception.camera.focal_length import focal_length
 from egophys_core.perception.camera.lens import FullView, SquareView
 from egophys_core.perception.camera.pose_track import track_poses
 from egophys_core.perception.camera.video import open_video
@@ -174,6 +175,17 @@ def test_wrong_focal_length_is_noticed(scenes, factor):
     assert "focal length" in (intrinsics_warning(poses) or "")
 
 
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_right_focal_length_comes_back(scenes, factor):
+    matrix = MATRIX * [[factor], [factor], [1]]
+    matrix[:2, 2] = MATRIX[:2, 2]
+    found = focal_length([image for _, image in scenes[:8]], BOARD, matrix)
+    assert found is not None
+    assert found.pixels == pytest.approx(577.3, abs=4 * found.deviation)
+    assert found.deviation < 0.005 * 577.3
+    assert "10." in found.note or "9.9" in found.note
+
+
 def test_right_intrinsics_are_not_doubted(scenes, finder):
     assert intrinsics_warning([located(finder.find(image)) for _, image in scenes]) is None
     assert intrinsics_warning([]) is None
@@ -235,7 +247,7 @@ def test_recorded_videos(name):
             distance, turn = pose_error(square.to_raw_pose(small.world_from_camera), poses[-1].world_from_camera)
             assert distance < 1e-3
             assert turn < 0.05
-    track = track_poses(stamps, poses)
+    track = track_poses(stamps, np.array([pose.world_from_camera for pose in poses]))
     assert track.known.all()
     assert not track.inferred.any()
     # A head moves smoothly: third differences of white noise have 20 times its variance.

@@ -9,7 +9,7 @@ from egophys_core.perception.camera.board import Board
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.perceive import perceive
 
-VIDEO = Path(__file__).resolve().parents[2] / "examples/towel_lift_video.mcap"
+VIDEO = Path(__file__).resolve().parents[3] / "examples/towel_lift_video.mcap"
 
 
 @pytest.mark.slow

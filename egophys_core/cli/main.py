@@ -18,6 +18,7 @@ from egophys_core.errors import EgophysError
 SUBCOMMANDS = {
     "board": "Write the printable tag board that tells the camera where it is.",
     "calibrate": "Find where the robot stands from points that its arm touched; writes the bridge's calibration file.",
+    "calibrate-camera": "Find a camera's lens from a video of the printed tag board, and say how good that is.",
     "import": "Write a film, a folder of pictures or a recording of Aria glasses as a bag.",
     "perceive": "Reconstruct object and hand of an egocentric video: an episode, pictures to check, and a report.",
     "build": "Fit a twin to recorded episodes of one object and write it to a file.",

@@ -56,7 +56,7 @@ def test_a_misspelt_subcommand_suggests_the_nearest(egophys):
     code, out, err = egophys("diagnoze", "towel.twin")
     assert (code, out) == (2, "")
     assert "no subcommand is called 'diagnoze'; did you mean 'diagnose'?" in err
-    assert "there are board, calibrate, import" in egophys("xyzzy")[2]
+    assert "there are board, calibrate, calibrate-camera" in egophys("xyzzy")[2]
 
 
 def test_no_subcommand_is_an_error(egophys):

@@ -20,6 +20,7 @@ SUBCOMMANDS = {
     "calibrate": "Find where the robot stands from points that its arm touched; writes the bridge's calibration file.",
     "calibrate-camera": "Find a camera's lens from a video of the printed tag board, and say how good that is.",
     "import": "Write a film, a folder of pictures or a recording of Aria glasses as a bag.",
+    "check": "Say in seconds whether a video will do and what to film differently; draws one picture.",
     "perceive": "Reconstruct object and hand of an egocentric video: an episode, pictures to check, and a report.",
     "build": "Fit a twin to recorded episodes of one object and write it to a file.",
     "evaluate": "Errors of a twin on an episode of its object: train, test and all frames.",

@@ -39,7 +39,8 @@ def check(watched: Watched, still_s: float) -> Checked:
     """Judge what was seen of a video, the object at rest in the first `still_s` seconds."""
     remarks = [_length(watched), _tags(watched), *_camera(watched)]
     views, found = watched.views, watched.found
-    blur = np.array([blur_px(view.image) for view in views])
+    # Speckles look sharper than they are; the tags' edges are known.
+    blur = np.fmax(np.array([blur_px(view.image) for view in views]), watched.tag_blur_px)
     light = light_of(views, [each.object | each.hand for each in watched.masks]) if views else np.zeros(0)
     if views:
         remarks += [_blur(watched, blur), *_exposure(watched, light)]
@@ -63,7 +64,7 @@ def check(watched: Watched, still_s: float) -> Checked:
 
 def _length(watched: Watched) -> Remark:
     rate = (watched.frames - 1) / watched.seconds if watched.seconds > 0 else 0.0
-    size = f"{watched.camera.width} x {watched.camera.height}"
+    size = f"{watched.source.width} x {watched.source.height}"
     text = f"{watched.frames} frames, {watched.seconds:.1f} s, {rate:.0f} a second, {size}"
     if watched.seconds < 2:
         return Remark(
@@ -87,7 +88,8 @@ def _camera(watched: Watched) -> list[Remark]:
     advice = "calibrate at the setting you film with: `egophys calibrate-camera`, then give --intrinsics"
     if watched.camera_is_guessed:
         by = "guessed from the tags" if watched.poses else "guessed"
-        text = f"no intrinsics are given; a focal length of {watched.camera.matrix[0, 0]:.0f} pixels was {by}"
+        focal = watched.camera.matrix[0, 0] * watched.source.width / watched.camera.width
+        text = f"no intrinsics are given; a focal length of {focal:.0f} pixels was {by}"
         return [Remark(name="camera", level=Level.DOUBTFUL, text=text, advice=advice)]
     if not watched.poses:
         return []

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import cv2
@@ -13,6 +13,7 @@ from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose
 from egophys_core.perception.camera.frame_source import FrameSource
+from egophys_core.perception.camera.intrinsics_file import scaled
 from egophys_core.perception.camera.lens import Camera, FullView, SquareView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S
 from egophys_core.perception.camera.tag_edges import TagEdgeFinder
@@ -31,6 +32,8 @@ STILL_STEP_S = 0.1
 GUESSED_FOCAL = 0.8
 """Focal length, share of the image's longer side, of a camera of which nothing is known: a phone's."""
 
+_LARGEST = 1000
+"""Pixels: images whose longer side is larger are shrunk to this, which keeps what a square view of 518 shows."""
 _TRIES = 12
 """Frames at the start that are looked at one by one for the first with a pose."""
 _TOGETHER = 2
@@ -42,8 +45,11 @@ class Watched:
     """What was seen of a video."""
 
     source: FrameSource
+    """The video."""
     camera: Camera
+    """Of its images as they were looked at: large ones are shrunk."""
     camera_is_guessed: bool
+    """Whether no intrinsics were given."""
     frames: int
     """Frames there are."""
     seconds: float
@@ -58,6 +64,8 @@ class Watched:
     """Square and upright, the first the one in which the object is chosen; without a pose only where none has one."""
     times: np.ndarray
     """[V] seconds from the first frame of the video."""
+    tag_blur_px: np.ndarray
+    """[V] pixels of the views: standard deviation of the blur of the tags; NaN where there is no pose."""
     found: FoundObject | None
     """The object in the first view."""
     why_no_object: str
@@ -85,8 +93,9 @@ def watch(
         RecordingError: the video cannot be read.
         EpisodeError: it has no frames.
     """
-    known = camera or guessed_camera(source, board)
-    looks = _look(source, known, board, options, progress)
+    small = _shrunk(source)
+    known = guessed_camera(small, board) if camera is None else scaled(camera, small.width, small.height)
+    looks = _look(small, known, board, options, progress)
     views, seen, stamps = looks.views, looks.poses, looks.stamps
     if not stamps:
         raise EpisodeError(f"{source.path}: holds no frames that can be read")
@@ -119,10 +128,25 @@ def watch(
         why_no_pose=looks.reasons.most_common(1)[0][0] if looks.reasons else "",
         views=tuple(views),
         times=np.array([(view.stamp_ns - stamps[0]) * 1e-9 for view in views]),
+        tag_blur_px=np.array(looks.blurs or [np.nan] * len(views)),
         found=found,
         why_no_object=why,
         masks=tuple(masks),
     )
+
+
+def _shrunk(source: FrameSource) -> FrameSource:
+    """The video at the size it is looked at."""
+    share = _LARGEST / max(source.width, source.height)
+    if share >= 1:
+        return source
+    size = (round(share * source.width), round(share * source.height))
+
+    def read(wanted: Callable[[int], bool]) -> Iterator[Frame]:
+        for frame in source.frames(wanted):
+            yield Frame(stamp_ns=frame.stamp_ns, image=cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA))
+
+    return replace(source, width=size[0], height=size[1], read=read)
 
 
 def guessed_camera(source: FrameSource, board: Board) -> Camera:
@@ -156,6 +180,8 @@ class _Looks:
     reasons: Counter[str] = field(default_factory=Counter)
     poses: list[CameraPose] = field(default_factory=list)
     views: list[View] = field(default_factory=list)
+    blurs: list[float] = field(default_factory=list)
+    """Of the tags in the views with a pose, pixels of the views."""
 
 
 def _look(
@@ -190,6 +216,7 @@ def _look(
                 view = _view(square, frame, square.from_raw_pose(full.to_raw_pose(pose.world_from_camera)))
                 if not is_black(view):
                     looks.views.append(view)
+                    looks.blurs.append(pose.blur * square.matrix[0, 0] / camera.matrix[0, 0])
             progress("tags", min(len(looks.stamps) / source.count, 1.0))
     if not looks.poses:
         # Without a pose anywhere the views show at least what there is; which way is up is not known.

@@ -2,6 +2,7 @@
 
 import argparse
 import time
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -55,26 +56,29 @@ def run(parsed: argparse.Namespace) -> int:
         require_writable(parsed.out)
         if parsed.out.suffix.lower() not in (".jpg", ".jpeg", ".png"):
             raise OptionsError(f"--out must end in .jpg or .png, got {parsed.out}")
-    source = open_frames(
-        parsed.video,
-        rate_hz=parsed.rate,
-        times=parsed.times,
-        image_topic=parsed.image_topic,
-        info_topic=parsed.info_topic,
-    )
-    camera, notes = source.camera, list[str]()
-    if parsed.intrinsics is not None:
-        camera, said = camera_of(source, read_intrinsics(parsed.intrinsics))
-        notes += said
+    notes: list[str] = []
     # The matrices are small: threads of the linear algebra wait for each other longer than they work.
-    with progress_bar() as report, threadpool_limits(1):
+    with progress_bar() as report, threadpool_limits(1), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        source = open_frames(
+            parsed.video,
+            rate_hz=parsed.rate,
+            times=parsed.times,
+            image_topic=parsed.image_topic,
+            info_topic=parsed.info_topic,
+        )
+        camera = source.camera
+        if parsed.intrinsics is not None:
+            camera, said = camera_of(source, read_intrinsics(parsed.intrinsics))
+            notes += said
 
         def tell(stage: str, share: float) -> None:
             begin, end = SHARES[stage]
             report(stage, begin + (end - begin) * share)
 
         watched = watch(source, camera, board_from(parsed), options, tell)
-        checked = check(watched, options.still_s)
+    warned = tuple(dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, UserWarning)))
+    checked = check(watched, options.still_s, warned)
     verdict = verdict_of(checked.remarks)
     if parsed.out is not None:
         _write_picture(parsed.out, watched, checked, options)

@@ -1,5 +1,6 @@
 """Anyone's video as frames with times: a film (MP4, MOV ...), a folder of pictures, or a bag, all read alike."""
 
+import os
 import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +22,8 @@ BAGS = (".mcap", ".db3")
 FIRST_STAMP_NS = 1_000_000_000
 """Stamp of the first frame of a film or folder: they count from their own start, and a stamp of 0 is none in ROS."""
 
+_ERRORS_ONLY = 2
+"""Level of OpenCV's log."""
 _USUAL_RATE = 30.0
 """Frames a second of a film that says nothing of its rate."""
 
@@ -125,7 +128,11 @@ def _film(path: Path) -> FrameSource:
 
 
 def _open_film(path: Path) -> cv2.VideoCapture:
+    # What fails is said here, in words; the libraries' own lines on standard error are for their developers.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    level = cv2.setLogLevel(_ERRORS_ONLY)
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    cv2.setLogLevel(level)
     if not capture.isOpened():
         raise RecordingError(
             f"{path}: is no video that OpenCV reads ({', '.join(FILMS)}), nor a bag ({', '.join(BAGS)}); is it cut?"
@@ -138,8 +145,9 @@ def _film_frames(path: Path, wanted: Wanted) -> Iterator[Frame]:
     capture = _open_film(path)
     rate = capture.get(cv2.CAP_PROP_FPS)
     step_ns = round(1e9 / rate) if 0.1 < rate < 2000 else round(1e9 / _USUAL_RATE)
-    untimed, last_ns = 0, FIRST_STAMP_NS - step_ns
+    untimed, read, last_ns = 0, 0, FIRST_STAMP_NS - step_ns
     while capture.grab():
+        read += 1
         # Milliseconds of the frame just grabbed, from the start of the film: its presentation time.
         stamp_ns = FIRST_STAMP_NS + round(capture.get(cv2.CAP_PROP_POS_MSEC) * 1e6)
         if stamp_ns <= last_ns:
@@ -151,6 +159,9 @@ def _film_frames(path: Path, wanted: Wanted) -> Iterator[Frame]:
         readable, image = capture.retrieve()
         if readable:
             yield Frame(stamp_ns=stamp_ns, image=np.asarray(image))
+    declared = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+    if read < declared - 1:
+        _warn(f"{path}: {read} of {declared} frames can be read; is it cut?")
     if untimed:
         _warn(f"{path}: {untimed} frames have no time of their own; they are taken {step_ns * 1e-6:.1f} ms apart")
 

@@ -1,10 +1,11 @@
 """Remarks of a first look at a video: what is good, what is doubtful, what is bad, and what to film differently."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from egophys_core.perception.camera.board_pose import focal_error, intrinsics_warning
+from egophys_core.perception.camera.board_pose import FOCAL_TOLERANCE, intrinsics_warning
 from egophys_core.perception.check.hands_seen import HandsSeen, hands_seen
 from egophys_core.perception.check.image_quality import blur_px, light_of, trackable
 from egophys_core.perception.check.stillness import Stillness, depth_error_m, stillness
@@ -14,6 +15,8 @@ from egophys_core.perception.remarks import Level, Remark, graded
 
 _REST_PX = 0.8
 """Pixels: points at rest are seen within this of their places, in the median."""
+_WRONG_FOCAL = 0.03
+"""Share; at this the camera is 20 mm from where it is taken to be, at 0.7 m."""
 _DARK, _CLIPPED = 12, 250
 """Grey levels below and above which an object shows nothing."""
 
@@ -35,9 +38,15 @@ class Checked:
     """None without an object or without poses."""
 
 
-def check(watched: Watched, still_s: float) -> Checked:
-    """Judge what was seen of a video, the object at rest in the first `still_s` seconds."""
-    remarks = [_length(watched), _tags(watched), *_camera(watched)]
+def check(watched: Watched, still_s: float, warned: Sequence[str] = ()) -> Checked:
+    """Judge what was seen of a video.
+
+    Args:
+        watched: what was seen.
+        still_s: seconds in which the object should rest at first.
+        warned: sentences about the recording itself: cut, frames missing.
+    """
+    remarks = [_length(watched), *(_recording(each) for each in warned), _tags(watched), *_camera(watched)]
     views, found = watched.views, watched.found
     # Speckles look sharper than they are; the tags' edges are known.
     blur = np.fmax(np.array([blur_px(view.image) for view in views]), watched.tag_blur_px)
@@ -73,6 +82,11 @@ def _length(watched: Watched) -> Remark:
     return graded("length", rate, ok=14, bad=7, text=text, advice="film at 30 frames a second")
 
 
+def _recording(warned: str) -> Remark:
+    advice = "copy the recording again, or record with less load on the disk and the network"
+    return Remark(name="recording", level=Level.DOUBTFUL, text=warned, advice=advice)
+
+
 def _tags(watched: Watched) -> Remark:
     share = len(watched.poses) / max(watched.looked_at, 1)
     text = f"the board gives the camera's place in {len(watched.poses)} of {watched.looked_at} frames looked at"
@@ -96,8 +110,18 @@ def _camera(watched: Watched) -> list[Remark]:
     warning = intrinsics_warning(watched.poses)
     if warning is None:
         return [Remark(name="camera", level=Level.OK, text="the tags agree with the intrinsics")]
-    level = Level.BAD if abs(focal_error(watched.poses)[0]) > 0.03 else Level.DOUBTFUL
-    return [Remark(name="camera", level=level, text=warning, advice=advice)]
+    given, fitting = watched.camera.matrix[0, 0], watched.fitting_focal_px
+    off = given / fitting - 1
+    if abs(off) < FOCAL_TOLERANCE:
+        return [Remark(name="camera", level=Level.DOUBTFUL, text=warning, advice=advice)]
+    share = watched.source.width / watched.camera.width
+    wrong = f"{100 * abs(off):.1f} % too {'long' if off > 0 else 'short'}"
+    text = (
+        f"the focal length of {share * given:.0f} pixels is {wrong}, the tags fit {share * fitting:.0f}; distances "
+        "along the view are wrong by as much"
+    )
+    level = Level.BAD if abs(off) > _WRONG_FOCAL else Level.DOUBTFUL
+    return [Remark(name="camera", level=level, text=text, advice=advice)]
 
 
 def _blur(watched: Watched, blur: np.ndarray) -> Remark:

@@ -11,13 +11,14 @@ import numpy as np
 
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.camera.board_pose import BoardPoseFinder, CameraPose, NoPose
+from egophys_core.perception.camera.board_pose import FOCAL_TOLERANCE, BoardPoseFinder, CameraPose, NoPose, focal_error
 from egophys_core.perception.camera.frame_source import FrameSource
 from egophys_core.perception.camera.intrinsics_file import scaled
 from egophys_core.perception.camera.lens import Camera, FullView, SquareView, upright_turns
 from egophys_core.perception.camera.pose_track import LONGEST_FILLED_GAP_S
 from egophys_core.perception.camera.tag_edges import TagEdgeFinder
 from egophys_core.perception.camera.video import Frame
+from egophys_core.perception.check.true_focal import true_focal
 from egophys_core.perception.masks.colour_model import is_black
 from egophys_core.perception.masks.mask_tracker import MaskTracker
 from egophys_core.perception.masks.object_finder import FoundObject, find_object
@@ -32,6 +33,8 @@ STILL_STEP_S = 0.1
 GUESSED_FOCAL = 0.8
 """Focal length, share of the image's longer side, of a camera of which nothing is known: a phone's."""
 
+FOCAL_FRAMES = 5
+"""Frames in which a doubted focal length is looked for."""
 _LARGEST = 1000
 """Pixels: images whose longer side is larger are shrunk to this, which keeps what a square view of 518 shows."""
 _TRIES = 12
@@ -50,6 +53,8 @@ class Watched:
     """Of its images as they were looked at: large ones are shrunk."""
     camera_is_guessed: bool
     """Whether no intrinsics were given."""
+    fitting_focal_px: float
+    """Focal length with which the tags fit; that of the camera unless they speak against it."""
     frames: int
     """Frames there are."""
     seconds: float
@@ -121,6 +126,7 @@ def watch(
         source=source,
         camera=known,
         camera_is_guessed=camera is None,
+        fitting_focal_px=_fitting_focal(small, known, board, looks),
         frames=len(stamps),
         seconds=(stamps[-1] - stamps[0]) * 1e-9,
         looked_at=looks.looked_at,
@@ -169,6 +175,14 @@ def guessed_camera(source: FrameSource, board: Board) -> Camera:
             focal = float(fitted[0, 0])
     matrix = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
     return Camera(width=size[0], height=size[1], matrix=matrix, coefficients=np.zeros(5))
+
+
+def _fitting_focal(source: FrameSource, camera: Camera, board: Board, looks: "_Looks") -> float:
+    if abs(focal_error(looks.poses)[0]) < FOCAL_TOLERANCE:
+        return float(camera.matrix[0, 0])
+    posed = [view.stamp_ns for view in looks.views]
+    chosen = set(posed[:: max(len(posed) // FOCAL_FRAMES, 1)])
+    return true_focal([frame.image for frame in source.frames(chosen.__contains__)], camera, board)
 
 
 @dataclass

@@ -87,6 +87,7 @@ def test_what_is_no_video_is_told(folder, tmp_path, capfd):
     refused("has times of its own", film, rate_hz=30.0)
     (tmp_path / "cut.mp4").write_bytes(film.read_bytes()[:500])
     refused("no video that OpenCV reads", tmp_path / "cut.mp4")
+    assert capfd.readouterr().err == ""
     cv2.imwrite(str(folder / "view_11.png"), np.zeros((8, 8, 3), np.uint8))
     refused("is 8 x 8, the first is 96 x 64", folder, rate_hz=20.0)
     (folder / "view_11.png").write_bytes(b"x")

@@ -50,7 +50,7 @@ def check_picture(watched: Watched, checked: Checked, *, point: tuple[float, flo
     thumbnails = _thumbnails(watched, checked)
     strip_height = thumbnails[0][0].height + 34 if thumbnails else 0
     curves = _curves(watched, checked)
-    picture = Image.new("RGB", (WIDTH, top + strip_height + len(curves) * _CURVE_HEIGHT + 52), PAPER)
+    picture = Image.new("RGB", (WIDTH, top + strip_height + (len(curves) + 1) * _CURVE_HEIGHT + 40), PAPER)
     picture.paste(first, (0, 0))
     draw = ImageDraw.Draw(picture)
     _write_remarks(draw, watched, rows, text_x)
@@ -60,7 +60,8 @@ def check_picture(watched: Watched, checked: Checked, *, point: tuple[float, flo
         picture.paste(image, (x, top))
         draw.text((x, top + image.height + 5), title, fill=FAINT, font=_font(14))
         x += image.width + 12
-    _draw_curves(draw, curves, watched, top + strip_height + 8)
+    y = _draw_posed(draw, watched, top + strip_height + 8)
+    _draw_curves(draw, curves, watched, y)
     return np.asarray(picture)[..., ::-1].copy()
 
 
@@ -90,7 +91,7 @@ def _first_view(watched: Watched, checked: Checked, point: tuple[float, float] |
     if found is not None:
         for rank, rival in enumerate(found.others[:4], start=2):
             x, y = _middle(rival.box)
-            _tag(draw, (x, y), f"{rank}: score {rival.score:.3f}, at {x} {y}", _RIVAL)
+            _tag(draw, (x, y), f"{rank}: at {x} {y}", _RIVAL)
         x, y = _middle(found.box)
         _cross(draw, (x, y), _OBJECT)
         _tag(draw, (x, found.box[3] + 12), f"object, at {x} {y}", _OBJECT)
@@ -238,9 +239,20 @@ def _curves(watched: Watched, checked: Checked) -> list[Curve]:
     return curves
 
 
+def _draw_posed(draw: ImageDraw.ImageDraw, watched: Watched, top: int) -> int:
+    """Draw where the board gave the camera's place and where not; the place below."""
+    left, right = MARGIN + _LABEL_WIDTH, WIDTH - MARGIN
+    bottom = top + _CURVE_HEIGHT // 2 - 4
+    draw.rectangle([left, top, right, bottom], fill=(241, 241, 238))
+    draw.text((MARGIN, (top + bottom) / 2), "board seen", fill=INK, font=_font(14), anchor="lm")
+    xs = left + (right - left) * watched.looked_s / max(watched.seconds, 1e-3)
+    for x, posed in zip(xs.tolist(), watched.posed.tolist(), strict=True):
+        colour = LEVELS[Level.OK if posed else Level.BAD]
+        draw.rectangle([min(x, right - 6), top + 3, min(x, right - 6) + 6, bottom - 3], fill=colour)
+    return bottom + 8
+
+
 def _draw_curves(draw: ImageDraw.ImageDraw, curves: list[Curve], watched: Watched, top: int) -> None:
-    if not curves:
-        return
     left, right = MARGIN + _LABEL_WIDTH, WIDTH - MARGIN
     total = max(watched.seconds, 1e-3)
     xs = left + (right - left) * watched.times / total

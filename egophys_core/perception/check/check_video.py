@@ -88,8 +88,9 @@ def _recording(warned: str) -> Remark:
 
 
 def _tags(watched: Watched) -> Remark:
-    share = len(watched.poses) / max(watched.looked_at, 1)
-    text = f"the board gives the camera's place in {len(watched.poses)} of {watched.looked_at} frames looked at"
+    looked_at = len(watched.posed)
+    share = len(watched.poses) / max(looked_at, 1)
+    text = f"the board gives the camera's place in {len(watched.poses)} of {looked_at} frames looked at"
     if watched.poses and watched.why_no_pose:
         text += f"; elsewhere {watched.why_no_pose}"
     elif not watched.poses:
@@ -166,6 +167,11 @@ def _object(watched: Watched) -> Remark:
     size = f"{x1 - x0} x {y1 - y0} pixels, {100 * share:.1f} % of the view"
     text = f"taken for the object: what is at {(x0 + x1) // 2} {(y0 + y1) // 2}, {size}"
     cut = min(x0, y0) <= 1 or max(x1, y1) >= side - 1
+    if found.others:
+        text += "; less like it: " + ", ".join(
+            f"at {(one.box[0] + one.box[2]) // 2} {(one.box[1] + one.box[3]) // 2} (score {one.score:.3f})"
+            for one in found.others[:3]
+        )
     if found.warning:
         advice = (
             'take other things off the table, or say which one: --object "x y", pixels of the picture\'s first view'

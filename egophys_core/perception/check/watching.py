@@ -59,8 +59,10 @@ class Watched:
     """Frames there are."""
     seconds: float
     """From the first to the last."""
-    looked_at: int
-    """Frames in which tags were looked for."""
+    looked_s: np.ndarray
+    """[L] seconds from the first frame: the frames in which tags were looked for."""
+    posed: np.ndarray
+    """[L] bool: those in which they gave the camera's place."""
     poses: tuple[CameraPose, ...]
     """Those found."""
     why_no_pose: str
@@ -129,7 +131,8 @@ def watch(
         fitting_focal_px=_fitting_focal(small, known, board, looks),
         frames=len(stamps),
         seconds=(stamps[-1] - stamps[0]) * 1e-9,
-        looked_at=looks.looked_at,
+        looked_s=np.array([(stamp - stamps[0]) * 1e-9 for stamp, _ in looks.looked]),
+        posed=np.array([posed for _, posed in looks.looked], bool),
         poses=tuple(seen),
         why_no_pose=looks.reasons.most_common(1)[0][0] if looks.reasons else "",
         views=tuple(views),
@@ -190,7 +193,8 @@ class _Looks:
     """Frames looked at."""
 
     stamps: list[int] = field(default_factory=list)
-    looked_at: int = 0
+    looked: list[tuple[int, bool]] = field(default_factory=list)
+    """Stamp of each, and whether it has a pose."""
     reasons: Counter[str] = field(default_factory=Counter)
     poses: list[CameraPose] = field(default_factory=list)
     views: list[View] = field(default_factory=list)
@@ -218,7 +222,7 @@ def _look(
     with ThreadPoolExecutor(_TOGETHER) as pool:
         for some in _batches(source.frames(_sampled(source, options.still_s, looks))):
             for frame, pose in list(pool.map(look, some)):
-                looks.looked_at += 1
+                looks.looked.append((frame.stamp_ns, isinstance(pose, CameraPose)))
                 if isinstance(pose, NoPose):
                     looks.reasons[pose.reason] += 1
                     continue

@@ -16,7 +16,7 @@ def test_a_good_video_is_called_good_and_its_picture_shows_the_first_view(egophy
     assert content["verdict"] == "good"
     found = {each["name"]: each for each in content["remarks"]}
     assert {each["level"] for each in found.values()} == {"ok"}
-    assert {"tags", "sharpness", "exposure", "object", "texture", "rest", "parallax", "hands"} <= set(found)
+    assert {"tags", "sharpness", "exposure", "object", "texture", "rest", "parallax", "table", "hands"} <= set(found)
     assert "one hand" in found["hands"]["text"]
     picture = cv2.imread(str(tmp_path / "seen.png"))
     video = open_video(VIDEO)

@@ -9,12 +9,20 @@ from egophys_core.perception.camera.board_pose import FOCAL_TOLERANCE, intrinsic
 from egophys_core.perception.check.hands_seen import HandsSeen, hands_seen
 from egophys_core.perception.check.image_quality import blur_px, light_of, trackable
 from egophys_core.perception.check.stillness import Stillness, depth_error_m, stillness
+from egophys_core.perception.check.table_plane import free_table, table_plane
 from egophys_core.perception.check.watching import Watched
 from egophys_core.perception.masks.table_background import has_pose, table_places
 from egophys_core.perception.remarks import Level, Remark, graded
 
 _REST_PX = 0.8
 """Pixels: points at rest are seen within this of their places, in the median."""
+_SHORTEST_S, _SHORT_S = 1.5, 3.0
+"""Seconds: a video holds a second's rest and something that happens."""
+_FEWEST_OF_TABLE, _MOST_OF_TABLE = 4, 12
+"""Views in which the table is followed."""
+_LARGEST_TILT_SIGMA_DEG = 0.5
+_TILTED_DEG, _RAISED_M = 2.0, 0.01
+"""Degrees and metres that a table may be off."""
 _WRONG_FOCAL = 0.03
 """Share; at this the camera is 20 mm from where it is taken to be, at 0.7 m."""
 _DARK, _CLIPPED = 12, 250
@@ -66,6 +74,7 @@ def check(watched: Watched, still_s: float, warned: Sequence[str] = ()) -> Check
         _texture(followed, found.mask),
         _rest(still, still_s),
         *_parallax(watched, at_first),
+        *_table(watched),
         *_hands(hands, watched, still_s),
     ]
     return Checked(remarks=tuple(remarks), blur_px=blur, light=light, hands=hands, trackable=followed, still=still)
@@ -75,10 +84,9 @@ def _length(watched: Watched) -> Remark:
     rate = (watched.frames - 1) / watched.seconds if watched.seconds > 0 else 0.0
     size = f"{watched.source.width} x {watched.source.height}"
     text = f"{watched.frames} frames, {watched.seconds:.1f} s, {rate:.0f} a second, {size}"
-    if watched.seconds < 2:
-        return Remark(
-            name="length", level=Level.BAD, text=text, advice="film 4 to 10 s, the first second without touching"
-        )
+    if watched.seconds < _SHORT_S:
+        level = Level.BAD if watched.seconds < _SHORTEST_S else Level.DOUBTFUL
+        return Remark(name="length", level=level, text=text, advice="film 4 to 10 s, the first second without touching")
     return graded("length", rate, ok=14, bad=7, text=text, advice="film at 30 frames a second")
 
 
@@ -95,6 +103,10 @@ def _tags(watched: Watched) -> Remark:
         text += f"; elsewhere {watched.why_no_pose}"
     elif not watched.poses:
         text += f": {watched.why_no_pose}; nothing has a scale, and rest and depth cannot be told"
+    if watched.is_mirrored:
+        text = "the board is seen mirrored: in a mirror, or by a camera that mirrors what it films"
+        advice = "film with the back camera, and switch off mirroring"
+        return Remark(name="tags", level=Level.BAD, text=text, advice=advice)
     advice = "lay the printed board (`egophys board`) flat beside the object, wholly in view and lit, all the time"
     return graded("tags", share, ok=0.9, bad=0.2, text=text, advice=advice)
 
@@ -202,7 +214,8 @@ def _texture(followed: np.ndarray, mask: np.ndarray) -> Remark:
 def _rest(still: Stillness | None, still_s: float) -> Remark:
     advice = f"do not touch the object for the first {max(still_s, 1):g} to 2 s, and wait until it lies still"
     if still is None or not np.isfinite(still.residual_px[1:]).any():
-        text = "cannot be told: " + ("no poses of the camera" if still is None else "too few points of it are followed")
+        why = "too few views with a pose of the camera" if still is None else "too few of its points are followed"
+        text = f"cannot be told: {why} in the first second"
         return Remark(name="rest", level=Level.DOUBTFUL, text=text, advice=advice)
     begin, lasts = still.rests(_REST_PX)
     usual = float(np.nanmedian(still.residual_px))
@@ -228,6 +241,25 @@ def _parallax(watched: Watched, at_first: tuple) -> list[Remark]:
     )
     advice = "sway the head (or the phone) by 5 to 10 cm while the object rests: depth comes from that"
     return [graded("parallax", error, ok=0.005, bad=0.02, text=text, advice=advice)]
+
+
+def _table(watched: Watched) -> list[Remark]:
+    """Whether the board lies on the table; nothing where that cannot be told."""
+    assert watched.found is not None
+    hands = [index for index, each in enumerate(watched.masks) if each.hand.any()]
+    views = watched.views[: min([*hands, len(watched.views)])]
+    if len(views) < _FEWEST_OF_TABLE or not has_pose(views[0]):
+        return []
+    plane = table_plane(views[:_MOST_OF_TABLE], free_table(views[0], watched.found.mask, watched.board))
+    if plane is None or plane.tilt_sigma_deg > _LARGEST_TILT_SIGMA_DEG:
+        return []
+    text = (
+        f"the table is tilted by {plane.tilt_deg:.1f} degrees against the board, and lies "
+        f"{1000 * abs(plane.height_m):.0f} mm {'over' if plane.height_m > 0 else 'under'} where the board has it"
+    )
+    advice = "lay the board flat on the table itself, not on a book or over an edge"
+    off = max(plane.tilt_deg / _TILTED_DEG, abs(plane.height_m) / _RAISED_M)
+    return [graded("table", off, ok=1.0, bad=2.5, text=text, advice=advice)]
 
 
 def _hands(hands: HandsSeen, watched: Watched, still_s: float) -> list[Remark]:

@@ -11,7 +11,14 @@ import numpy as np
 
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.camera.board_pose import FOCAL_TOLERANCE, BoardPoseFinder, CameraPose, NoPose, focal_error
+from egophys_core.perception.camera.board_pose import (
+    FEWEST_TAGS,
+    FOCAL_TOLERANCE,
+    BoardPoseFinder,
+    CameraPose,
+    NoPose,
+    focal_error,
+)
 from egophys_core.perception.camera.frame_source import FrameSource
 from egophys_core.perception.camera.intrinsics_file import scaled
 from egophys_core.perception.camera.lens import Camera, FullView, SquareView, upright_turns
@@ -49,6 +56,8 @@ class Watched:
 
     source: FrameSource
     """The video."""
+    board: Board
+    """On the table."""
     camera: Camera
     """Of its images as they were looked at: large ones are shrunk."""
     camera_is_guessed: bool
@@ -67,6 +76,8 @@ class Watched:
     """Those found."""
     why_no_pose: str
     """The most common reason; empty if all have one."""
+    is_mirrored: bool
+    """Whether there is no pose, but tags in the mirrored views."""
     views: tuple[View, ...]
     """Square and upright, the first the one in which the object is chosen; without a pose only where none has one."""
     times: np.ndarray
@@ -126,6 +137,7 @@ def watch(
             progress("hands", len(masks) / len(views))
     return Watched(
         source=source,
+        board=board,
         camera=known,
         camera_is_guessed=camera is None,
         fitting_focal_px=_fitting_focal(small, known, board, looks),
@@ -134,6 +146,7 @@ def watch(
         looked_s=np.array([(stamp - stamps[0]) * 1e-9 for stamp, _ in looks.looked]),
         posed=np.array([posed for _, posed in looks.looked], bool),
         poses=tuple(seen),
+        is_mirrored=not seen and _is_mirrored(views, board),
         why_no_pose=looks.reasons.most_common(1)[0][0] if looks.reasons else "",
         views=tuple(views),
         times=np.array([(view.stamp_ns - stamps[0]) * 1e-9 for view in views]),
@@ -166,7 +179,7 @@ def guessed_camera(source: FrameSource, board: Board) -> Camera:
     objects, images = [], []
     for frame in source.frames(lambda stamp_ns: next(asked) % every == 0):
         seen = finder.find(frame.image, frame.stamp_ns)
-        if len(seen.tags) >= 6:
+        if len(seen.tags) >= FEWEST_TAGS:
             corners = np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * board.tag_side
             flat = (board.tag_corners[seen.tags][:, None] + corners).reshape(-1, 2)
             objects.append(np.column_stack([flat, np.zeros(len(flat))]).astype(np.float32))
@@ -178,6 +191,12 @@ def guessed_camera(source: FrameSource, board: Board) -> Camera:
             focal = float(fitted[0, 0])
     matrix = np.array([[focal, 0, (size[0] - 1) / 2], [0, focal, (size[1] - 1) / 2], [0, 0, 1.0]])
     return Camera(width=size[0], height=size[1], matrix=matrix, coefficients=np.zeros(5))
+
+
+def _is_mirrored(views: list[View], board: Board) -> bool:
+    finder = TagEdgeFinder(board)
+    some = views[:: max(len(views) // 3, 1)]
+    return any(len(finder.find(np.ascontiguousarray(view.image[:, ::-1]), 0).tags) >= FEWEST_TAGS for view in some)
 
 
 def _fitting_focal(source: FrameSource, camera: Camera, board: Board, looks: "_Looks") -> float:

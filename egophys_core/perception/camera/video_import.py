@@ -1,9 +1,6 @@
 """Anyone's video -> the standard bag: images as JPEG and the CameraInfo that belongs to them."""
 
-import os
-import shutil
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +11,7 @@ from egophys_core.perception.camera.lens import Camera
 from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC
 from egophys_core.recording import SENSOR_QOS, LogWriter, jazzy_types
 from egophys_core.recording.camera_messages import INFO_TYPE, lens_info, stamped_header
+from egophys_core.recording.new_bag import new_bag
 
 FRAME_ID = "ego_camera_optical"
 JPEG_QUALITY = 95
@@ -52,7 +50,7 @@ def import_frames(
         )
     size = (camera.width, camera.height)
     stamps: list[int] = []
-    with _new_bag(Path(bag)) as part, LogWriter(part) as log:
+    with new_bag(Path(bag)) as part, LogWriter(part) as log:
         log.add_topic(IMAGE_TOPIC, COMPRESSED_IMAGE, SENSOR_QOS)
         log.add_topic(INFO_TOPIC, INFO_TYPE, SENSOR_QOS)
         for index, frame in enumerate(source.frames()):
@@ -72,24 +70,3 @@ def import_frames(
         if not stamps:
             raise RecordingError(f"{source.path}: holds no images that can be read; nothing was written")
     return ImportedFrames(frames=len(stamps), seconds=(stamps[-1] - stamps[0]) * 1e-9)
-
-
-@contextmanager
-def _new_bag(bag: Path) -> Iterator[Path]:
-    """A folder of the bag's name in a hidden one beside it, moved to its place when the block ends well.
-
-    The name is the same since the file in a rosbag2 folder is named after it.
-    """
-    bag = Path(os.path.abspath(bag))
-    if bag.exists():
-        raise RecordingError(f"{bag}: exists already and is not overwritten; choose another name or move it away")
-    hidden = bag.parent / f".{bag.name}.{os.getpid()}.part"
-    try:
-        hidden.mkdir(parents=True)
-    except OSError as error:
-        raise RecordingError(f"{bag}: cannot be written: {error.strerror or error}") from error
-    try:
-        yield hidden / bag.name
-        os.rename(hidden / bag.name, bag)
-    finally:
-        shutil.rmtree(hidden, ignore_errors=True)

@@ -28,7 +28,16 @@ def test_a_poor_calibration_is_not_written_unless_asked(egophys, tmp_path):
     folder.mkdir()
     for index, image in enumerate(board_film(CAMERA, board_poses(9, tilt=2, distance=0.7))):
         cv2.imwrite(str(folder / f"{index}.png"), image)
-    arguments = ["calibrate-camera", folder, "--rate", "2", "--model", "plumb_bob", "--out", tmp_path / "cam.yaml"]
+    arguments = [
+        "calibrate-camera",
+        folder,
+        "--rate",
+        "2",
+        "--model",
+        "rational_polynomial",
+        "--out",
+        tmp_path / "cam.yaml",
+    ]
     code, out, err = egophys(*arguments)
     assert (code, err) == (1, "")
     assert "tilt the camera" in out
@@ -36,6 +45,8 @@ def test_a_poor_calibration_is_not_written_unless_asked(egophys, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["pictures"]
     assert egophys(*arguments, "--force")[0] == 1
     assert (tmp_path / "cam.yaml").read_text().startswith("# poor: ")
+    read = read_intrinsics(tmp_path / "cam.yaml").camera
+    assert (str(read.model), len(read.coefficients)) == ("rational_polynomial", 8)
 
 
 def test_a_film_without_the_board_is_told(egophys, tmp_path):

@@ -7,9 +7,12 @@ from pathlib import Path
 
 from egophys_core.cli.display import print_json, print_scores, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
+from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
+from egophys_core.errors import OptionsError
 from egophys_core.files import require_writable
 from egophys_core.identification.options import FitOptions
+from egophys_core.perception.options import PerceptionOptions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="build from recorded points or from video; auto takes the points of a recording if it has any (default). "
         "Video is perceived with default options: for others run `egophys perceive` and build from what it writes",
     )
+    add_object_argument(parser)
     parser.add_argument("--out", required=True, type=Path, metavar="TWIN", help="twin file to write (.twin)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the search (default 0)")
     parser.add_argument(
@@ -47,7 +51,10 @@ def run(parsed: argparse.Namespace) -> int:
     require_writable(parsed.out)
     if parsed.checkpoint is not None:
         require_writable(parsed.checkpoint)
-    source = EpisodeSource(source=Source(parsed.source))
+    if parsed.object is not None and len(parsed.episodes) > 1:
+        raise OptionsError("--object is a place in one video; perceive each of several by itself and build from those")
+    options_of_video = with_object(PerceptionOptions(), parsed.object)
+    source = EpisodeSource(source=Source(parsed.source), perception=options_of_video)
     perceiving = PERCEPTION_SHARE if any(is_video(path, source) for path in parsed.episodes) else 0.0
     try:
         with progress_bar() as report:

@@ -13,6 +13,7 @@ from egophys_core.json_numbers import nulled
 
 if TYPE_CHECKING:
     from egophys_core.evaluation import Scores
+    from egophys_core.perception.remarks import Remark
 
 
 class Report(Protocol):
@@ -49,6 +50,20 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
     for row in rows:
         table.add_row(*row)
     Console().print(table)
+
+
+def print_remarks(title: str, remarks: "Sequence[Remark]") -> None:
+    """What was looked at, how good it is, and below what to do about the rest."""
+    table = Table(title=title, title_justify="left")
+    for name in ("", "", "measured"):
+        table.add_column(name)
+    colours = {"ok": "green", "doubtful": "yellow", "bad": "red"}
+    for each in remarks:
+        table.add_row(each.name, f"[{colours[each.level]}]{each.level}[/]", each.text)
+    Console().print(table)
+    for each in remarks:
+        if each.advice:
+            print(f"{each.name}: {each.advice}")
 
 
 def print_scores(title: str, scores: "Mapping[str, Scores]") -> None:

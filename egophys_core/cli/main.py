@@ -7,6 +7,7 @@ at once.
 import argparse
 import difflib
 import importlib
+import keyword
 import sys
 import warnings
 from collections.abc import Sequence
@@ -17,7 +18,9 @@ from egophys_core.errors import EgophysError
 SUBCOMMANDS = {
     "board": "Write the printable tag board that tells the camera where it is.",
     "calibrate": "Find where the robot stands from points that its arm touched; writes the bridge's calibration file.",
-    "import-vrs": "Write a recording of Project Aria glasses as a bag of undistorted, upright images.",
+    "calibrate-camera": "Find a camera's lens from a video of the printed tag board, and say how good that is.",
+    "import": "Write a film, a folder of pictures or a recording of Aria glasses as a bag.",
+    "check": "Say in seconds whether a video will do and what to film differently; draws one picture.",
     "perceive": "Reconstruct object and hand of an egocentric video: an episode, pictures to check, and a report.",
     "build": "Fit a twin to recorded episodes of one object and write it to a file.",
     "evaluate": "Errors of a twin on an episode of its object: train, test and all frames.",
@@ -30,8 +33,8 @@ SUBCOMMANDS = {
     "info": "What is in a twin file or a bag.",
     "benchmark": "Errors of perception on bags that hold a video and what was measured meanwhile.",
 }
-"""What each does, by name. `egophys_core/cli/NAME.py` has `add_arguments(parser)` and `run(arguments) -> exit code`;
-what is slow to load is imported in `run`."""
+"""What each does, by name. `egophys_core/cli/NAME.py` (see `module_name`) has `add_arguments(parser)` and
+`run(arguments) -> exit code`; what is slow to load is imported in `run`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -75,10 +78,15 @@ def make_parser(command: str) -> argparse.ArgumentParser:
     for name, description in SUBCOMMANDS.items():
         subparser = subparsers.add_parser(name, help=description, description=description)
         if name == command:
-            module = importlib.import_module(f"egophys_core.cli.{name.replace('-', '_')}")
+            module = importlib.import_module(f"egophys_core.cli.{module_name(name)}")
             module.add_arguments(subparser)
             subparser.set_defaults(run=module.run)
     return parser
+
+
+def module_name(command: str) -> str:
+    """Name of a subcommand's module; a keyword of Python, which no module may be called, gets an underscore."""
+    return command.replace("-", "_") + "_" * keyword.iskeyword(command)
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import Report, print_json, print_table, progress_bar
+from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import OutputError
 from egophys_core.files import write_atomically, write_json
@@ -46,6 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     add_topic_arguments(parser)
     add_board_arguments(parser, prefix="board-", placed=True)
+    add_object_argument(parser)
     add_option_arguments(parser, PerceptionOptions)
 
 
@@ -57,7 +59,7 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Perceive and write."""
-    options, board = options_from(parsed, PerceptionOptions), board_from(parsed)
+    options, board = with_object(options_from(parsed, PerceptionOptions), parsed.object), board_from(parsed)
     with _new_folder(parsed.out) as folder, progress_bar() as report:
         began = time.perf_counter()
         topics = {"image_topic": parsed.image_topic, "info_topic": parsed.info_topic}

@@ -1,4 +1,4 @@
-"""Messages of a camera, as recorded: stamped headers, and the CameraInfo of a pinhole without distortion."""
+"""Messages of a camera, as recorded: stamped headers and CameraInfo."""
 
 from typing import Any
 
@@ -20,13 +20,18 @@ def stamped_header(stamp_ns: int, frame_id: str) -> Any:
 
 def pinhole_info(header: Any, matrix: np.ndarray, size: tuple[int, int]) -> Any:
     """CameraInfo of a camera matrix [3, 3] without distortion, for images of width and height `size`."""
+    return lens_info(header, matrix, size, model="plumb_bob", coefficients=np.zeros(5))
+
+
+def lens_info(header: Any, matrix: np.ndarray, size: tuple[int, int], *, model: str, coefficients: np.ndarray) -> Any:
+    """CameraInfo of a camera matrix [3, 3] and distortion coefficients [D], for images of width and height `size`."""
     types = jazzy_types().types
     return types[INFO_TYPE](
         header=header,
         height=size[1],
         width=size[0],
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
+        distortion_model=model,
+        d=np.array(coefficients, dtype=np.float64),
         k=matrix.ravel(),
         r=np.eye(3).ravel(),
         p=np.hstack([matrix, np.zeros((3, 1))]).ravel(),

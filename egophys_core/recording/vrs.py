@@ -14,6 +14,7 @@ from egophys_core.recording.bag_metadata import SENSOR_QOS
 from egophys_core.recording.camera_messages import INFO_TYPE, pinhole_info, stamped_header
 from egophys_core.recording.log_writer import LogWriter
 from egophys_core.recording.message_definitions import jazzy_types
+from egophys_core.recording.new_bag import new_bag
 
 CAMERA_LABEL = "camera-rgb"
 IMAGE_TOPIC, IMAGE_TYPE = "/ego/image_raw/compressed", "sensor_msgs/msg/CompressedImage"
@@ -53,6 +54,8 @@ def import_vrs(
     progress: Progress = lambda _: None,
 ) -> ImportedVideo:
     """Write the images of one camera of a VRS file as a bag with `/ego/image_raw/compressed` and `/ego/camera_info`.
+
+    The bag is whole, or there is none.
 
     Aria's lens model (FISHEYE624) has no name in CameraInfo, so the images are resampled by `projectaria_tools` as a
     pinhole camera without distortion takes them, then turned upright. Stamps are the capture times of the device's
@@ -128,7 +131,7 @@ def import_provider(
     pinhole = calibration.get_linear_camera_calibration(size, size, focal_length, camera)
     info = camera_info(size, focal_length)
     stamps: list[int] = []
-    with LogWriter(bag) as log:
+    with new_bag(Path(bag)) as part, LogWriter(part) as log:
         log.add_topic(IMAGE_TOPIC, IMAGE_TYPE, SENSOR_QOS)
         log.add_topic(INFO_TOPIC, INFO_TYPE, SENSOR_QOS)
         for index, (stamp_ns, image) in enumerate(_images(provider, stream, count, source)):
@@ -145,9 +148,9 @@ def import_provider(
             log.write(IMAGE_TOPIC, _image_message(stamp_ns, upright), stamp_ns)
             log.write(INFO_TOPIC, _stamped(info, stamp_ns, INFO_TYPE), stamp_ns)
             stamps.append(stamp_ns)
+        if not stamps:
+            raise RecordingError(f"{source}: none of {count} images can be decoded; nothing was written")
     progress(1.0)
-    if not stamps:
-        raise RecordingError(f"{source}: none of {count} images can be decoded; the bag written is empty")
     return ImportedVideo(
         frames=len(stamps),
         left_out=count - len(stamps),

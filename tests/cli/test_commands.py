@@ -15,8 +15,8 @@ import pytest
 
 import egophys_core.cli
 from egophys_core import __version__
-from egophys_core.cli import import_vrs as import_vrs_command
-from egophys_core.cli.main import SUBCOMMANDS
+from egophys_core.cli import import_ as import_command
+from egophys_core.cli.main import SUBCOMMANDS, module_name
 from egophys_core.identification import FitOptions, build, coarse
 from egophys_core.plan_file import read_plan
 from egophys_core.recording import read_episode
@@ -42,7 +42,7 @@ def test_every_subcommand_explains_itself(egophys, name):
 def test_every_module_of_a_subcommand_is_listed():
     folder = Path(egophys_core.cli.__file__).parent
     commands = {path.stem for path in folder.glob("*.py") if "\ndef run(" in path.read_text()}
-    assert commands == {name.replace("-", "_") for name in SUBCOMMANDS}
+    assert commands == {module_name(name) for name in SUBCOMMANDS}
 
 
 def test_command_explains_itself_and_tells_its_version(egophys):
@@ -56,7 +56,7 @@ def test_a_misspelt_subcommand_suggests_the_nearest(egophys):
     code, out, err = egophys("diagnoze", "towel.twin")
     assert (code, out) == (2, "")
     assert "no subcommand is called 'diagnoze'; did you mean 'diagnose'?" in err
-    assert "there are board, calibrate, import-vrs" in egophys("xyzzy")[2]
+    assert "there are board, calibrate, calibrate-camera" in egophys("xyzzy")[2]
 
 
 def test_no_subcommand_is_an_error(egophys):
@@ -84,7 +84,7 @@ def test_defaults_that_help_shows_are_those_of_the_library():
     def default(function, name):
         return inspect.signature(function).parameters[name].default
 
-    assert default(import_vrs, "camera") == import_vrs_command.CAMERA_LABEL
+    assert default(import_vrs, "camera") == import_command.CAMERA_LABEL
 
 
 def test_help_of_options_shows_range_and_default(egophys):

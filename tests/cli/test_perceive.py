@@ -116,6 +116,19 @@ def test_arguments_reach_perception(egophys, perceive, tmp_path):
     assert perceive["options"] == PerceptionOptions(object_box=(10, 20, 300, 400), kind="solid")
 
 
+def test_the_object_is_named_by_a_place_or_by_a_word(egophys, perceive, tmp_path):
+    assert egophys("perceive", "some.mcap", "--out", tmp_path / "a", "--object", "120 240.5")[0] == 0
+    assert perceive["options"] == PerceptionOptions(object_point=(120, 240.5))
+    learned = ["--stages", "learned", "--weights", "models"]
+    assert egophys("perceive", "some.mcap", "--out", tmp_path / "b", "--object", "a towel", *learned)[0] == 0
+    assert perceive["options"] == PerceptionOptions(object_prompt="a towel", stages="learned", weights="models")
+    both = ["--object", "120 240", "--object-point", "1", "2"]
+    refused(egophys("perceive", "some.mcap", "--out", tmp_path / "c", *both), "give one of them")
+    refused(egophys("perceive", "some.mcap", "--out", tmp_path / "c", "--object", "a towel"), "needs learned stages")
+    two = egophys("build", "a.mcap", "b.mcap", "--out", tmp_path / "c.twin", "--object", "120 240")
+    refused(two, "--object is a place in one video")
+
+
 def test_defaults_are_those_of_perception(egophys, perceive, tmp_path):
     assert egophys("perceive", "some.mcap", "--out", tmp_path / "a")[0] == 0
     assert perceive["board"] == Board()

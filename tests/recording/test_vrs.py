@@ -208,7 +208,7 @@ def test_without_projectaria_tools_it_is_said_how_to_get_it(tmp_path, monkeypatc
 
 def test_the_command_prints_what_it_wrote(provider, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("egophys_core.recording.vrs.open_vrs", lambda _: provider)
-    assert main(["import-vrs", "x.vrs", "--out", str(tmp_path / "bag"), "--size", "100"]) == 0
+    assert main(["import", "x.vrs", "--out", str(tmp_path / "bag"), "--size", "100"]) == 0
     assert "3 images of 100 x 100, 0.1 s, in" in capsys.readouterr().out
-    assert main(["import-vrs", "x.vrs", "--out", str(tmp_path / "bag"), "--json"]) == 2
+    assert main(["import", "x.vrs", "--out", str(tmp_path / "bag"), "--json"]) == 2
     assert "exists already" in capsys.readouterr().err

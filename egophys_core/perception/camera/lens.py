@@ -255,7 +255,7 @@ class SquareView(PinholeView):
         matrix[:2, :2] *= scale
         matrix[:2, 2] = (matrix[:2, 2] - middle) * scale + (side - 1) / 2
         for _ in range(turns % 4):
-            matrix = _turned_matrix(matrix, side)
+            matrix = turned_matrix(matrix, side)
         super().__init__(camera, matrix=matrix, size=(side, side), turns=turns)
 
 
@@ -266,7 +266,7 @@ class FullView(PinholeView):
         super().__init__(camera, matrix=camera.matrix.copy(), size=(camera.width, camera.height))
 
 
-def _turned_matrix(matrix: np.ndarray, width: int) -> np.ndarray:
+def turned_matrix(matrix: np.ndarray, width: int) -> np.ndarray:
     """K after one counter-clockwise turn of an image of this width, in the frame of the camera so turned."""
     # A pixel (x, y) moves to (y, width - 1 - x).
     pixels = np.array([[0, 1, 0], [-1, 0, width - 1], [0, 0, 1]], dtype=np.float64)

@@ -1,0 +1,1 @@
+"""A first look at a video, in seconds: will it do, and what to film differently."""

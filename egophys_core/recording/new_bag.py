@@ -1,0 +1,34 @@
+"""A bag that stands at its place whole, or not at all; for imports, where a part of it is worth nothing."""
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from egophys_core.errors import RecordingError
+
+
+@contextmanager
+def new_bag(bag: Path) -> Iterator[Path]:
+    """Where to write a bag that is to stand at `bag` whole, or not at all.
+
+    It is a folder of the bag's name, since the file in a rosbag2 folder is named after it, in a hidden one beside it.
+    It is moved to its place when the block ends, and removed when that fails.
+
+    Raises:
+        RecordingError: `bag` is there already, or cannot be written.
+    """
+    bag = Path(os.path.abspath(bag))
+    if bag.exists():
+        raise RecordingError(f"{bag}: exists already and is not overwritten; choose another name or move it away")
+    hidden = bag.parent / f".{bag.name}.{os.getpid()}.part"
+    try:
+        hidden.mkdir(parents=True)
+    except OSError as error:
+        raise RecordingError(f"{bag}: cannot be written: {error.strerror or error}") from error
+    try:
+        yield hidden / bag.name
+        os.rename(hidden / bag.name, bag)
+    finally:
+        shutil.rmtree(hidden, ignore_errors=True)

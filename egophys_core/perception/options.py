@@ -52,7 +52,7 @@ class PerceptionOptions:
     least_confidence: float = number(0.5, low=0.0, high=1.0, doc="points below are left out (paper: 0.5)")
     nearest_m: float = number(0.2, low=0.01, high=10.0, doc="points nearer to the camera are left out, metres")
     farthest_m: float = number(1.5, low=0.1, high=20.0, doc="points farther from the camera are left out, metres")
-    controllers: int = number(30, low=1, high=500, doc="controller points taken from the hand (paper: 30)")
+    controllers: int = number(30, low=1, high=500, doc="controller points of all hands (paper: 30)")
     object_points: int = number(1000, low=20, high=20000, doc="most object points in the episode, spread evenly")
     still_s: float = number(1.0, low=0.1, high=10.0, doc="time at the start in which the object is seen at rest, s")
     camera_height_m: float = number(

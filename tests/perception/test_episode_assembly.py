@@ -7,32 +7,38 @@ import pytest
 
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.episode_assembly import EpisodeAssembly
-from egophys_core.perception.observation import Observation
+from egophys_core.perception.hands.hand_points import at_depth
+from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
 from egophys_core.perception.surface.rest_surface import RestObject
 from tests.perception.observations import observations
 from tests.perception.surface.surface_scene import object_at_rest
 
-OPTIONS = PerceptionOptions(object_points=60, controllers=5)
-STAY = np.array([[1.0, 0, 0], [0, 1, 0]])
+OPTIONS = PerceptionOptions(object_points=60, controllers=8)
 GRIP = 4
+DEPTH, RADIUS = 0.55, 40.0
+"""Metres and pixels: of a hand, everywhere."""
 
 
-def seen(count: int = 10, *, grip: int | None = GRIP) -> list[Observation]:
-    """Observations of a hand that holds the object from a frame on, then all are sure."""
+def seen(count: int = 10, *, grips: tuple[int | None, ...] = (GRIP,)) -> list[Observation]:
+    """Observations, all sure, of hands that go to the right, each with contact from a frame on."""
     found = observations(count)
-    result = []
-    for frame, each in enumerate(found):
-        held = grip is not None and frame >= grip
-        result.append(
-            replace(
-                each,
-                confidence=np.ones(len(each.points)),
-                hand_points=each.hand_points if held else np.full_like(each.hand_points, np.nan),
-                hand_motion=STAY if frame > 0 else None,
-            )
+    return [
+        replace(
+            each,
+            confidence=np.ones(len(each.points)),
+            hands={
+                number: HandSight(
+                    pixel=np.array([200.0 + frame, 260.0 + 40 * number]),
+                    depth=DEPTH,
+                    radius=RADIUS,
+                    has_contact=grip is not None and frame >= grip,
+                )
+                for number, grip in enumerate(grips)
+            },
         )
-    return result
+        for frame, each in enumerate(found)
+    ]
 
 
 def assembled(
@@ -101,35 +107,49 @@ def test_points_that_are_never_sure_have_no_column() -> None:
     assert np.isfinite(episode.points).all()
 
 
-def test_hand_goes_back_along_its_motion_to_the_first_view() -> None:
-    assembly = assembled(seen())
+def test_controllers_are_about_where_the_hand_is_seen() -> None:
+    given, assembly = seen(), assembled(seen())
     episode = assembly.episode("drawn", 0.0)
     assert assembly.grip_frame == GRIP
-    assert episode.controllers.shape == (10, 5, 3)
-    assert np.isfinite(episode.controllers).all()
-    np.testing.assert_allclose(episode.controllers[GRIP], seen()[GRIP].hand_points, atol=1e-5)
+    assert episode.controllers.shape == (10, 4, 3)
+    for frame in (0, GRIP, 9):
+        # Also before the contact: the hand is as wide there.
+        place = at_depth(given[frame].hands[0].pixel[None], DEPTH, given[frame].view)
+        np.testing.assert_allclose(episode.controllers[frame].mean(axis=0), place[0], atol=1e-5)
+    around = episode.controllers - episode.controllers.mean(axis=1, keepdims=True)
+    np.testing.assert_allclose(around, np.repeat(around[:1], 10, axis=0), atol=1e-6)
 
 
-def test_hand_that_is_lost_stays_where_it_was() -> None:
+def test_two_hands_are_two_groups_from_the_first_contact_on() -> None:
+    assembly = assembled(seen(grips=(7, 3)))
+    assert assembly.grip_frame == 3
+    episode = assembly.episode("drawn", 0.0)
+    assert episode.controllers.shape == (10, 8, 3)
+    assert len(np.unique(episode.controller_ids)) == 8
+    groups = episode.controllers.reshape(10, 2, 4, 3)
+    assert np.linalg.norm(groups.mean(axis=2)[:, 0] - groups.mean(axis=2)[:, 1], axis=1).min() > 0.03
+
+
+def test_a_hand_that_never_touches_has_no_controllers() -> None:
+    assert assembled(seen(grips=(None, 3))).episode("drawn", 0.0).controllers.shape == (10, 4, 3)
+    nobody = assembled(seen(grips=(None,)))
+    assert nobody.grip_frame == -1
+    assert nobody.episode("drawn", 0.0).controllers.shape == (10, 0, 3)
+    assert assembled(seen(grips=())).episode("drawn", 0.0).controllers.shape == (10, 0, 3)
+
+
+def test_hand_that_is_lost_goes_straight() -> None:
     given = seen()
-    for frame in (7, 8):
-        given[frame] = replace(given[frame], hand_points=np.full((5, 3), np.nan))
+    for frame in (6, 7, 8):
+        given[frame] = replace(given[frame], hands={})
     episode = assembled(given).episode("drawn", 0.0)
-    np.testing.assert_array_equal(episode.controllers[7], episode.controllers[6])
-    np.testing.assert_allclose(episode.controllers[9], given[9].hand_points, atol=1e-5)
+    np.testing.assert_allclose(episode.controllers[7], episode.controllers[[5, 9]].mean(axis=0), atol=1e-4)
 
 
-def test_hand_that_appears_stays_where_it_appeared() -> None:
+def test_cameras_are_kept() -> None:
     given = seen()
-    given[3] = replace(given[3], hand_motion=None)
-    episode = assembled(given).episode("drawn", 0.0)
-    np.testing.assert_array_equal(episode.controllers[0], episode.controllers[3])
-
-
-def test_without_a_grip_there_are_no_controllers() -> None:
-    assembly = assembled(seen(grip=None))
-    assert assembly.grip_frame == -1
-    assert assembly.episode("drawn", 0.0).controllers.shape == (10, 0, 3)
+    centres = [each.view.world_from_camera[:3, 3] for each in given]
+    np.testing.assert_array_equal(assembled(given).camera_centres, centres)
 
 
 def test_hidden_side_of_a_solid_is_there_until_the_grip() -> None:

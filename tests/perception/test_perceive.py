@@ -138,7 +138,8 @@ class TestGoodVideo:
         episode, report = sheet.perceived.episode, sheet.perceived.report
         assert episode.points.shape[0] == len(sheet.frames)
         assert episode.points.shape[1] <= OPTIONS.object_points
-        assert episode.controllers.shape[:2] == (len(sheet.frames), OPTIONS.controllers)
+        # One hand is seen, of two that there may be.
+        assert episode.controllers.shape[:2] == (len(sheet.frames), OPTIONS.controllers // 2)
         assert np.isfinite(episode.controllers).all()
         assert np.isfinite(episode.points[episode.confidence >= OPTIONS.least_confidence]).all()
         assert (report.frames, report.posed, report.pose_inferred, report.kind) == (45, 45, 0, "sheet")
@@ -148,6 +149,16 @@ class TestGoodVideo:
 
     def test_grip_begins_with_the_motion(self, sheet: Run) -> None:
         assert 18 <= sheet.perceived.report.grip_frame <= 28
+
+    def test_hand_is_where_it_holds(self, sheet: Run) -> None:
+        begin = sheet.perceived.report.grip_frame
+        path = sheet.perceived.episode.controllers.mean(axis=1)[begin:]
+        # The drawn hand touches the middle of the right end: of 33 by 33 points, one of the 17th row.
+        held = np.array([frame.points[16 * 33 + 31] for frame in sheet.frames[begin:]])
+        assert np.linalg.norm(path - held, axis=1).max() < 0.020
+        way, true = path[-1] - path[0], held[-1] - held[0]
+        assert np.linalg.norm(true) > 0.05
+        assert np.linalg.norm(way - true) < 0.015
 
     def test_thickness_is_the_height_of_its_skin(self, sheet: Run) -> None:
         assert sheet.perceived.report.thickness_m == pytest.approx(0.003, abs=0.0015)
@@ -195,7 +206,8 @@ class TestSpoiltVideo:
         assert spoiled.error(index).mean() < 0.004
 
     def test_controllers_are_complete(self, spoiled: Run) -> None:
-        assert spoiled.perceived.episode.controllers.shape[1] == OPTIONS.controllers
+        assert spoiled.perceived.episode.controllers.shape[1] == OPTIONS.controllers // 2
+        assert np.isfinite(spoiled.perceived.episode.controllers).all()
 
 
 @pytest.fixture(scope="module")

@@ -1,40 +1,32 @@
-"""The hand in the image: its motion, what it hides and therefore holds."""
+"""What a hand holds: its motion in the image, and what goes along."""
 
 import cv2
 import numpy as np
 import pytest
 
-from egophys_core.perception.hands.grip import HeldVertices, carried, follow, hand_motion, take_hold, tip_of_hand
-from egophys_core.perception.stages import Masks
+from egophys_core.perception.hands.arms import Arm, find_arms
+from egophys_core.perception.hands.grip import HeldVertices, carried, follow, hand_motion, take_hold
+from tests.perception.hands.arm_drawing import SIDE, arm_mask, disc
 
-SIZE, FOCAL = 160, 300.0
-
-
-def hand_mask() -> np.ndarray:
-    """A bar from the right whose tip is at x = 90."""
-    hand = np.zeros((SIZE, SIZE), bool)
-    hand[70:90, 90:] = True
-    return hand
+FOCAL = 300.0
+OBJECT = disc((110, 160), 70)
+STAY = np.array([[1.0, 0, 0], [0, 1, 0]])
 
 
-def sheet_mask() -> np.ndarray:
-    covered = np.zeros((SIZE, SIZE), bool)
-    covered[40:120, 30:110] = True
-    return covered
+def arm_at(x: int = 190, y: int = 160) -> Arm:
+    return find_arms(arm_mask((SIDE - 1, 160), (x, y)), OBJECT)[0]
 
 
-def picture() -> np.ndarray:
-    noise = cv2.GaussianBlur(np.random.default_rng(0).normal(size=(SIZE, SIZE)), (0, 0), 5.0)
-    return (128 + 50 * noise / noise.std()).clip(0, 255).astype(np.uint8)
+def held_by(arm: Arm) -> HeldVertices:
+    """Two vertices somewhat ahead of the middle of a hand."""
+    beside = np.array([[-9.0, 2], [-5, -4]])
+    return HeldVertices(vertices=np.array([4, 8]), pixels=arm.centre + beside, beside=beside.mean(axis=0))
 
 
 def vertices() -> np.ndarray:
-    """[V, 3] pixels and depth, half a metre away."""
-    grid = np.stack(np.meshgrid(np.arange(30, 111, 5.0), np.arange(40, 121, 5.0)), axis=-1).reshape(-1, 2)
+    """[V, 3] pixels and depth, half a metre away, 5 pixels apart."""
+    grid = np.stack(np.meshgrid(np.arange(40, 181, 5.0), np.arange(100, 221, 5.0)), axis=-1).reshape(-1, 2)
     return np.column_stack([grid, np.full(len(grid), 0.5)])
-
-
-FLOW = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
 
 
 @pytest.mark.parametrize(
@@ -43,21 +35,28 @@ FLOW = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
 def test_motion_of_the_hand_is_found_though_the_rest_stands(
     angle: float, scale: float, shift: tuple[float, float]
 ) -> None:
-    before = picture()
-    hand = np.zeros((SIZE, SIZE), bool)
-    hand[40:120, 60:140] = True
-    true = cv2.getRotationMatrix2D((100.0, 80.0), angle, scale)
+    noise = cv2.GaussianBlur(np.random.default_rng(0).normal(size=(SIDE, SIDE)), (0, 0), 5.0)
+    before = (128 + 50 * noise / noise.std()).clip(0, 255).astype(np.uint8)
+    (arm,) = find_arms(arm_mask((SIDE - 1, 160), (190, 160), radius=40, half_width=30), OBJECT)
+    true = cv2.getRotationMatrix2D((200.0, 160.0), angle, scale)
     true[:, 2] += shift
-    moved = cv2.warpAffine(before, true, (SIZE, SIZE), borderMode=cv2.BORDER_REFLECT)
-    there = cv2.warpAffine(hand.astype(np.uint8), true, (SIZE, SIZE)) > 0
-    motion = hand_motion(before, np.where(there, moved, before), hand, FLOW)
+    moved = cv2.warpAffine(before, true, (SIDE, SIDE), borderMode=cv2.BORDER_REFLECT)
+    there = cv2.warpAffine(arm.mask.astype(np.uint8), true, (SIDE, SIDE)) > 0
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST).calc(before, np.where(there, moved, before), None)
+    motion = hand_motion(flow, arm)
     assert motion is not None
-    middle = np.array([[90.0, 80], [110, 75]])
+    middle = np.array([[190.0, 160], [205, 155]])
     np.testing.assert_allclose(carried(middle, motion), carried(middle, true), atol=1.0)
 
 
-def test_no_hand_has_no_motion() -> None:
-    assert hand_motion(picture(), picture(), np.zeros((SIZE, SIZE), bool), FLOW) is None
+def test_an_arm_that_turns_behind_the_hand_does_not_count() -> None:
+    arm = arm_at(150, 160)
+    flow = np.zeros((SIDE, SIDE, 2), np.float32)
+    flow[:, :240] = [3.0, 1.0]
+    flow[:, 240:] = [-8.0, 9.0]
+    motion = hand_motion(flow, arm)
+    assert motion is not None
+    np.testing.assert_allclose(motion, [[1, 0, 3], [0, 1, 1]], atol=1e-4)
 
 
 def test_carried_is_the_similarity() -> None:
@@ -65,40 +64,48 @@ def test_carried_is_the_similarity() -> None:
     np.testing.assert_allclose(carried(np.array([[2.0, 3], [0, 0]]), quarter), [[7, 2], [10, 0]])
 
 
-def test_the_tip_is_the_hand_deepest_in_the_object() -> None:
-    tip = tip_of_hand(hand_mask(), sheet_mask())
-    assert tip is not None
-    assert tip[0] == pytest.approx(90, abs=1)
-    assert 70 <= tip[1] < 90
-    assert tip_of_hand(np.zeros_like(hand_mask()), sheet_mask()) is None
-    assert tip_of_hand(hand_mask(), np.zeros_like(hand_mask())) is None
-
-
-def test_hidden_vertices_near_the_tip_are_held() -> None:
-    masks = Masks(object=sheet_mask() & ~hand_mask(), hand=hand_mask())
-    grip = take_hold(vertices(), masks, sheet_mask(), FOCAL)
-    assert grip is not None
-    x, y = grip.pixels.T
-    assert hand_mask()[y.astype(int), x.astype(int)].all()
-    np.testing.assert_array_equal(grip.pixels, vertices()[grip.vertices, :2])
-    # 20 mm half a metre away are 12 pixels.
-    assert np.linalg.norm(grip.pixels - [90, 80], axis=1).max() < 25
+def test_vertices_about_the_grip_are_held() -> None:
+    arm = arm_at()
+    held = take_hold(vertices(), arm, FOCAL)
+    assert held is not None
+    np.testing.assert_array_equal(held.pixels, vertices()[held.vertices, :2])
+    np.testing.assert_allclose(held.beside, held.pixels.mean(axis=0) - arm.centre)
+    # A finger and a thumb reach 2 to 3 cm: 12 to 18 pixels at half a metre.
+    away = np.linalg.norm(vertices()[:, :2] - arm.grip, axis=1)
+    assert set(np.flatnonzero(away < 12)) <= set(held.vertices)
+    assert away[held.vertices].max() < 18
+    # Twice as near, the same reach is twice as many pixels.
+    near = take_hold(vertices() * [1, 1, 0.5], arm, FOCAL)
+    assert near is not None
+    assert 24 < np.linalg.norm(near.pixels - arm.grip, axis=1).max() < 36
 
 
 def test_a_hand_beside_the_object_holds_nothing() -> None:
-    beside = np.zeros((SIZE, SIZE), bool)
-    beside[70:90, 120:] = True
-    assert take_hold(vertices(), Masks(object=sheet_mask(), hand=beside), sheet_mask(), FOCAL) is None
+    assert take_hold(vertices(), arm_at(260), FOCAL) is None
 
 
-def test_held_vertices_go_along_until_they_leave_the_hand() -> None:
-    grip = HeldVertices(vertices=np.array([4, 8]), pixels=np.array([[95.0, 80], [92, 74]]))
-    stay = np.array([[1.0, 0, 0], [0, 1, 0]])
-    kept = follow(grip, stay, hand_mask())
-    assert kept is not None
-    np.testing.assert_array_equal(kept.vertices, [4, 8])
-    half = follow(grip, stay + [[0, 0, 0], [0, 0, -22.0]], hand_mask())
-    assert half is not None
-    np.testing.assert_array_equal(half.vertices, [4])
-    assert follow(grip, stay + [[0, 0, 0], [0, 0, -60.0]], hand_mask()) is None
-    assert follow(grip, stay, np.zeros_like(hand_mask())) is None
+def test_held_vertices_go_along_with_the_hand() -> None:
+    arm = arm_at()
+    held = held_by(arm)
+    shift = np.array([6.0, 3.0])
+    later = follow(held, np.column_stack([np.eye(2), shift]), arm_at(196, 163))
+    np.testing.assert_array_equal(later.vertices, [4, 8])
+    np.testing.assert_allclose(later.pixels, held.pixels + shift, atol=0.5)
+
+
+def test_without_a_motion_they_jump_to_the_hand() -> None:
+    arm = arm_at()
+    held = held_by(arm)
+    there = arm_at(240, 180)
+    later = follow(held, None, there)
+    np.testing.assert_allclose(later.pixels - there.centre, held.pixels - arm.centre)
+
+
+def test_drift_of_the_flow_is_taken_off() -> None:
+    arm = arm_at()
+    held = held_by(arm)
+    drifting = STAY + [[0, 0, 0.5], [0, 0, 0.5]]
+    for _ in range(60):
+        held = follow(held, drifting, arm)
+    # Without it, 60 views of half a pixel are 30 pixels.
+    assert np.abs(held.pixels - held_by(arm).pixels).max() < 5

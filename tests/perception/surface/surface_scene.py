@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from benchmarks.drawn_video import Shape, folded_sheet, pushed_dome
 from egophys_core.perception.camera.board import Board
+from egophys_core.perception.hands.hand_tracks import HandTracks
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface.rest_surface import RestObject, rest_object
@@ -149,8 +150,11 @@ def object_at_rest(kind: str = "sheet") -> RestObject:
 def tracked() -> tuple[SurfaceState, ...]:
     """The sheet in every frame after the reference, with true poses and masks."""
     rest, frames = object_at_rest(), video()
-    tracker = SurfaceTracker(rest, frames[rest.reference].view)
-    return tuple(tracker.next(each.view, each.masks) for each in frames[rest.reference + 1 :])
+    tracker, hands = SurfaceTracker(rest, frames[rest.reference].view), HandTracks()
+    return tuple(
+        tracker.next(each.view, each.masks, hands.next(each.masks.hand, tracker.silhouette(each.view)))
+        for each in frames[rest.reference + 1 :]
+    )
 
 
 def surface(frame: DrawnFrame) -> np.ndarray:

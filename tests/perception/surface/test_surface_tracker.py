@@ -5,13 +5,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from egophys_core.perception.hands.hand_tracks import HandTracks
 from egophys_core.perception.stages import Masks
-from egophys_core.perception.surface.surface_tracker import SurfaceTracker
+from egophys_core.perception.surface.surface_render import project
+from egophys_core.perception.surface.surface_tracker import SurfaceState, SurfaceTracker
 from tests.perception.surface.surface_scene import SIDE, material_of, object_at_rest, surface, tracked, video
 
 REST, FRAMES = object_at_rest(), video()
 NOTHING = Masks(object=np.zeros((SIDE, SIDE), bool), hand=np.zeros((SIDE, SIDE), bool))
 INNER = REST.model.mesh.triangles[REST.feature_triangles]
+
+HELD = 16 * 33 + 31
+"""Of the 33 by 33 drawn points: the middle of the right end."""
+
+
+def states() -> list[tuple[int, SurfaceState]]:
+    """Index of the frame and state, of every frame after the reference."""
+    return list(enumerate(tracked(), REST.reference + 1))
 
 
 def points(positions: np.ndarray) -> np.ndarray:
@@ -37,22 +47,47 @@ def test_material_is_followed(index: int) -> None:
 
 
 def test_hand_takes_hold_when_the_object_moves_and_not_before() -> None:
-    held = [index for index, state in enumerate(tracked(), REST.reference + 1) if state.grip is not None]
-    assert held
-    assert 18 <= held[0] <= 28
-    grip = tracked()[held[0] - REST.reference - 1].grip
-    assert grip is not None
-    where = REST.model.rest[grip.vertices]
-    # The hand comes to the right end.
-    assert where[:, 0].min() > 0.05
+    touching = [index for index, state in states() if any(hand.has_contact for hand in state.hands.values())]
+    assert 18 <= touching[0] <= 28
+    assert touching == list(range(touching[0], len(FRAMES)))
 
 
-def test_hand_moves_only_while_it_is_seen() -> None:
-    motions = [state.hand_motion for state in tracked()]
-    seen = [np.count_nonzero(frame.masks.hand) > 500 for frame in FRAMES[REST.reference + 1 :]]
-    assert all(motion is None for motion, there in zip(motions, seen, strict=True) if not there)
-    assert motions[-1] is not None
-    np.testing.assert_allclose(motions[-1][:, :2], np.eye(2), atol=0.1)
+def test_hand_is_where_it_holds() -> None:
+    misses = []
+    for index, state in states():
+        frame = FRAMES[index]
+        # The drawn hand touches the middle of the right end.
+        held = project(frame.points[[HELD]], frame.view.camera_matrix, frame.world_from_camera)[0]
+        for hand in state.hands.values():
+            if hand.has_contact:
+                misses.append(np.abs([*(hand.pixel - held[:2]), hand.depth - held[2]]))
+    assert len(misses) > 15
+    # 10 pixels are 16 mm there, about the radius of the drawn hand.
+    assert np.max(misses, axis=0) == pytest.approx([0, 0, 0], abs=10)
+    assert max(miss[2] for miss in misses) < 0.015
+
+
+def test_hands_are_those_that_are_seen() -> None:
+    for index, state in states():
+        assert len(state.hands) <= 1
+        if not FRAMES[index].masks.hand.any():
+            assert not state.hands
+    assert len(tracked()[-1].hands) == 1
+
+
+def test_a_hand_that_is_hidden_for_a_while_goes_on_holding() -> None:
+    last, hidden = 32, range(24, 29)
+    tracker, hands = SurfaceTracker(REST, FRAMES[REST.reference].view), HandTracks()
+    # Nothing happens before the hand comes.
+    for index in range(15, last + 1):
+        frame = FRAMES[index]
+        arms = hands.next(frame.masks.hand & (index not in hidden), tracker.silhouette(frame.view))
+        state = tracker.next(frame.view, frame.masks, arms)
+        assert index not in hidden or not state.hands
+    (hand,), (never_hidden,) = state.hands.values(), dict(states())[last].hands.values()
+    assert hand.has_contact
+    np.testing.assert_allclose(hand.pixel, never_hidden.pixel, atol=6)
+    assert hand.depth == pytest.approx(never_hidden.depth, abs=0.01)
 
 
 def test_lengths_are_kept() -> None:
@@ -65,9 +100,9 @@ def test_lengths_are_kept() -> None:
 def test_what_is_not_seen_stays_with_the_prediction() -> None:
     tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
     for frame in FRAMES[1:8]:
-        state = tracker.next(frame.view, NOTHING)
+        state = tracker.next(frame.view, NOTHING, {})
     assert not state.seen.any()
-    assert state.grip is None
+    assert not state.hands
     # On the table it can not fall.
     np.testing.assert_allclose(state.positions, REST.model.rest, atol=0.002)
 
@@ -75,14 +110,14 @@ def test_what_is_not_seen_stays_with_the_prediction() -> None:
 def test_found_again_after_it_was_hidden() -> None:
     tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
     for index, frame in enumerate(FRAMES[1:13]):
-        state = tracker.next(frame.view, NOTHING if 3 <= index < 9 else frame.masks)
+        state = tracker.next(frame.view, NOTHING if 3 <= index < 9 else frame.masks, {})
     assert state.seen.mean() > 0.7
 
 
 def test_backward_in_time_works_as_forward() -> None:
     tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
     for frame in reversed(FRAMES[:12]):
-        state = tracker.next(frame.view, frame.masks)
+        state = tracker.next(frame.view, frame.masks, {})
     assert state.seen.mean() > 0.7
     assert np.isfinite(state.positions).all()
 
@@ -90,7 +125,7 @@ def test_backward_in_time_works_as_forward() -> None:
 def test_repeated_stamp_does_no_harm() -> None:
     tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
     for _ in range(3):
-        state = tracker.next(replace(FRAMES[1].view, stamp_ns=FRAMES[0].stamp_ns), FRAMES[1].masks)
+        state = tracker.next(replace(FRAMES[1].view, stamp_ns=FRAMES[0].stamp_ns), FRAMES[1].masks, {})
     assert np.isfinite(state.positions).all()
 
 
@@ -98,13 +133,15 @@ def test_repeated_stamp_does_no_harm() -> None:
 def test_black_and_white_images_see_nothing_and_stay_finite(value: int) -> None:
     tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
     plain = np.full((SIDE, SIDE, 3), value, np.uint8)
-    state = tracker.next(replace(FRAMES[1].view, image=plain), FRAMES[1].masks)
+    state = tracker.next(replace(FRAMES[1].view, image=plain), FRAMES[1].masks, {})
     assert state.seen.mean() < 0.05
     assert np.isfinite(state.positions).all()
 
 
 def test_camera_that_looks_away_sees_nothing_and_stays_finite() -> None:
     pose = FRAMES[1].world_from_camera @ np.diag([1.0, -1, -1, 1])
-    state = SurfaceTracker(REST, FRAMES[0].view).next(replace(FRAMES[1].view, world_from_camera=pose), FRAMES[1].masks)
+    state = SurfaceTracker(REST, FRAMES[0].view).next(
+        replace(FRAMES[1].view, world_from_camera=pose), FRAMES[1].masks, {}
+    )
     assert not state.seen.any()
     assert np.isfinite(state.positions).all()

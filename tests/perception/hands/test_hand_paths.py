@@ -1,0 +1,73 @@
+"""Paths of hands in space from sights of them."""
+
+import numpy as np
+
+from egophys_core.perception.hands.hand_paths import first_contact, hand_paths
+from egophys_core.perception.observation import HandSight
+from egophys_core.perception.stages import View
+from egophys_core.perception.surface.surface_render import project
+from tests.perception.surface.surface_scene import MATRIX, RATE, SIDE, camera_pose
+
+VIEWS = [
+    View(
+        stamp_ns=round(frame / RATE * 1e9),
+        image=np.zeros((SIDE, SIDE, 3), np.uint8),
+        camera_matrix=MATRIX,
+        world_from_camera=camera_pose(frame / RATE),
+    )
+    for frame in range(40)
+]
+CONTACT = 15
+HALF_WIDTH = 0.037
+"""Metres: of the hand that is seen; not a usual one."""
+TRUE = np.column_stack([np.linspace(0.2, -0.02, 40), np.linspace(0.05, 0.11, 40), np.full(40, 0.04)])
+
+
+def sight(frame: int, *, contact: int | None = CONTACT) -> HandSight:
+    """Of a hand on the true path whose depth is only known while it has contact."""
+    view = VIEWS[frame]
+    x, y, depth = project(TRUE[[frame]], view.camera_matrix, view.world_from_camera)[0]
+    touches = contact is not None and frame >= contact
+    return HandSight(
+        pixel=np.array([x, y]),
+        depth=depth if touches else 3.0,
+        radius=MATRIX[0, 0] * HALF_WIDTH / depth,
+        has_contact=touches,
+    )
+
+
+def test_before_contact_the_width_tells_the_depth() -> None:
+    sights = [{0: sight(frame)} for frame in range(40)]
+    path = hand_paths(sights, VIEWS)[0]
+    assert path.shape == (40, 3)
+    # Smoothing over an eighth of a second is all that is lost; a wrong depth would be metres off.
+    assert np.linalg.norm(path - TRUE, axis=1).max() < 0.008
+    assert first_contact(sights) == CONTACT
+
+
+def test_a_hidden_hand_goes_straight_from_where_it_was() -> None:
+    hidden = range(20, 30)
+    path = hand_paths([{} if frame in hidden else {0: sight(frame)} for frame in range(40)], VIEWS)[0]
+    np.testing.assert_allclose(path[24:26].mean(axis=0), (path[19] + path[30]) / 2, atol=1e-9)
+    assert np.linalg.norm(path - TRUE, axis=1).max() < 0.010
+    # Before it is first seen it is where it appears.
+    late = hand_paths([{} if frame < 10 else {0: sight(frame)} for frame in range(40)], VIEWS)[0]
+    np.testing.assert_array_equal(late[:10], np.repeat(late[10:11], 10, axis=0))
+
+
+def test_only_hands_that_ever_touch_have_paths() -> None:
+    sights = [{0: sight(frame, contact=None), 1: sight(frame, contact=22)} for frame in range(40)]
+    assert list(hand_paths(sights, VIEWS)) == [1]
+    assert first_contact(sights) == 22
+    nobody = [{0: sight(frame, contact=None)} for frame in range(40)]
+    assert hand_paths(nobody, VIEWS) == {}
+    assert first_contact(nobody) == -1
+
+
+def test_a_depth_that_jumps_for_one_view_is_evened_out() -> None:
+    sights = [{0: sight(frame)} for frame in range(40)]
+    smooth = hand_paths(sights, VIEWS)[0]
+    jump = sights[28][0]
+    sights[28] = {0: HandSight(pixel=jump.pixel, depth=jump.depth + 0.05, radius=jump.radius, has_contact=True)}
+    off = np.linalg.norm(hand_paths(sights, VIEWS)[0] - smooth, axis=1)
+    assert 0.001 < off.max() < 0.012

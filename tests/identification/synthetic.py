@@ -19,10 +19,10 @@ SPACING = 0.04
 HEIGHT = 0.004
 
 
-def sheet_shape(side: int = 5) -> RestShape:
+def sheet_shape(side: int = 5, spacing: float = SPACING) -> RestShape:
     """The sheet at rest."""
-    positions = sheet_positions(side, SPACING, HEIGHT)
-    return RestShape(positions=positions, surface=np.ones(side * side, bool), kind="sheet", spacing=SPACING)
+    positions = sheet_positions(side, spacing, HEIGHT)
+    return RestShape(positions=positions, surface=np.ones(side * side, bool), kind="sheet", spacing=spacing)
 
 
 def searched_numbers(kind: str) -> tuple[Searched, ...]:

@@ -59,6 +59,11 @@ def test_a_glove_has_its_hand_at_the_end_near_the_object() -> None:
     assert turned.grip[0] > 275
 
 
+def test_an_arm_along_the_border_is_as_wide_as_it_is_seen() -> None:
+    (arm,) = find_arms(arm_mask((LAST, LAST - 4), (150, LAST - 4), radius=26, half_width=20), OBJECT)
+    assert arm.radius == pytest.approx((26 + 4) / 2, abs=2)
+
+
 def test_specks_are_no_arms() -> None:
     assert find_arms(disc((100, 100), 6), OBJECT) == []
     assert find_arms(np.zeros((SIDE, SIDE), bool), OBJECT) == []

@@ -31,6 +31,18 @@ def test_hands_keep_their_numbers_while_they_move_and_hide() -> None:
             assert (arm.centre[0] > SIDE / 2) == (number == first)
 
 
+def test_hands_side_by_side_are_not_mistaken_for_each_other() -> None:
+    def shown(y: int) -> np.ndarray:
+        return arm_mask((LAST, y), (200, y), radius=14, half_width=9)
+
+    tracks = HandTracks()
+    assert list(tracks.next(shown(190), OBJECT)) == [0]
+    for shift in (0, 8, 16):
+        found = tracks.next(together([shown(150 + shift), shown(190 + shift)]), OBJECT)
+        assert found[0].centre[1] == pytest.approx(190 + shift, abs=2)
+        assert found[1].centre[1] == pytest.approx(150 + shift, abs=2)
+
+
 def test_a_third_hand_is_not_taken() -> None:
     tracks = HandTracks()
     assert len(tracks.next(together([left(), right()]), OBJECT)) == 2

@@ -147,9 +147,9 @@ def object_at_rest(kind: str = "sheet") -> RestObject:
 
 
 @cache
-def tracked() -> tuple[SurfaceState, ...]:
-    """The sheet in every frame after the reference, with true poses and masks."""
-    rest, frames = object_at_rest(), video()
+def tracked(kind: str = "sheet") -> tuple[SurfaceState, ...]:
+    """The object in every frame after the reference, with true poses and masks."""
+    rest, frames = object_at_rest(kind), video(kind)
     tracker, hands = SurfaceTracker(rest, frames[rest.reference].view), HandTracks()
     return tuple(
         tracker.next(each.view, each.masks, hands.next(each.masks.hand, tracker.silhouette(each.view)))

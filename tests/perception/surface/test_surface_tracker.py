@@ -67,6 +67,23 @@ def test_hand_is_where_it_holds() -> None:
     assert max(miss[2] for miss in misses) < 0.015
 
 
+def test_a_solid_is_pushed_from_where_it_begins_to_move() -> None:
+    frames, reference = video("dome"), object_at_rest("dome").reference
+    pushing = []
+    for frame, state in zip(frames[reference + 1 :], tracked("dome"), strict=True):
+        for hand in state.hands.values():
+            if hand.has_contact:
+                # The drawn hand comes to the right side of the dome, and its tip is 14 mm above.
+                touched = frame.points[[16 * 33 + 29]] + [0, 0, 0.014]
+                x, y, depth = project(touched, frame.view.camera_matrix, frame.world_from_camera)[0]
+                np.testing.assert_allclose(hand.pixel, [x, y], atol=10)
+                # By its width alone: a pixel of the 17 that the drawn hand is wide are 35 mm.
+                assert hand.depth == pytest.approx(depth, abs=0.045)
+                pushing.append(frame)
+    assert frames.index(pushing[0]) <= 22
+    assert len(pushing) == len(frames) - frames.index(pushing[0])
+
+
 def test_hands_are_those_that_are_seen() -> None:
     for index, state in states():
         assert len(state.hands) <= 1

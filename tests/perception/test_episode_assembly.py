@@ -122,7 +122,7 @@ def test_controllers_are_about_where_the_hand_is_seen() -> None:
 
 def test_two_hands_are_two_groups_from_the_first_contact_on() -> None:
     assembly = assembled(seen(grips=(7, 3)))
-    assert assembly.grip_frame == 3
+    assert (assembly.grip_frame, assembly.contact_frames) == (3, (7, 3))
     episode = assembly.episode("drawn", 0.0)
     assert episode.controllers.shape == (10, 8, 3)
     assert len(np.unique(episode.controller_ids)) == 8
@@ -133,7 +133,7 @@ def test_two_hands_are_two_groups_from_the_first_contact_on() -> None:
 def test_a_hand_that_never_touches_has_no_controllers() -> None:
     assert assembled(seen(grips=(None, 3))).episode("drawn", 0.0).controllers.shape == (10, 4, 3)
     nobody = assembled(seen(grips=(None,)))
-    assert nobody.grip_frame == -1
+    assert (nobody.grip_frame, nobody.contact_frames) == (-1, ())
     assert nobody.episode("drawn", 0.0).controllers.shape == (10, 0, 3)
     assert assembled(seen(grips=())).episode("drawn", 0.0).controllers.shape == (10, 0, 3)
 

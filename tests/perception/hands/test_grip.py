@@ -1,32 +1,19 @@
-"""What a hand holds: its motion in the image, and what goes along."""
+"""Where a hand holds: its motion in the image, and the place that goes along."""
 
 import cv2
 import numpy as np
 import pytest
 
 from egophys_core.perception.hands.arms import Arm, find_arms
-from egophys_core.perception.hands.grip import HeldVertices, carried, follow, hand_motion, take_hold
+from egophys_core.perception.hands.grip import carried, follow, hand_motion, take_grip
 from tests.perception.hands.arm_drawing import SIDE, arm_mask, disc
 
-FOCAL = 300.0
 OBJECT = disc((110, 160), 70)
 STAY = np.array([[1.0, 0, 0], [0, 1, 0]])
 
 
 def arm_at(x: int = 190, y: int = 160) -> Arm:
     return find_arms(arm_mask((SIDE - 1, 160), (x, y)), OBJECT)[0]
-
-
-def held_by(arm: Arm) -> HeldVertices:
-    """Two vertices somewhat ahead of the middle of a hand."""
-    beside = np.array([[-9.0, 2], [-5, -4]])
-    return HeldVertices(vertices=np.array([4, 8]), pixels=arm.centre + beside, beside=beside.mean(axis=0))
-
-
-def vertices() -> np.ndarray:
-    """[V, 3] pixels and depth, half a metre away, 5 pixels apart."""
-    grid = np.stack(np.meshgrid(np.arange(40, 181, 5.0), np.arange(100, 221, 5.0)), axis=-1).reshape(-1, 2)
-    return np.column_stack([grid, np.full(len(grid), 0.5)])
 
 
 @pytest.mark.parametrize(
@@ -64,48 +51,38 @@ def test_carried_is_the_similarity() -> None:
     np.testing.assert_allclose(carried(np.array([[2.0, 3], [0, 0]]), quarter), [[7, 2], [10, 0]])
 
 
-def test_vertices_about_the_grip_are_held() -> None:
-    arm = arm_at()
-    held = take_hold(vertices(), arm, FOCAL)
-    assert held is not None
-    np.testing.assert_array_equal(held.pixels, vertices()[held.vertices, :2])
-    np.testing.assert_allclose(held.beside, held.pixels.mean(axis=0) - arm.centre)
-    # A finger and a thumb reach 2 to 3 cm: 12 to 18 pixels at half a metre.
-    away = np.linalg.norm(vertices()[:, :2] - arm.grip, axis=1)
-    assert set(np.flatnonzero(away < 12)) <= set(held.vertices)
-    assert away[held.vertices].max() < 18
-    # Twice as near, the same reach is twice as many pixels.
-    near = take_hold(vertices() * [1, 1, 0.5], arm, FOCAL)
-    assert near is not None
-    assert 24 < np.linalg.norm(near.pixels - arm.grip, axis=1).max() < 36
+def test_a_hand_holds_the_middle_of_what_it_covers() -> None:
+    arm = arm_at(160)
+    grip = take_grip(arm, OBJECT)
+    # The object ends at x = 180; the hand's disc of 26 pixels begins at 134.
+    assert grip.pixel == pytest.approx([(134 + 180) / 2, 160], abs=2)
+    np.testing.assert_allclose(grip.beside, grip.pixel - arm.centre)
 
 
-def test_a_hand_beside_the_object_holds_nothing() -> None:
-    assert take_hold(vertices(), arm_at(260), FOCAL) is None
+def test_a_hand_that_hardly_covers_the_object_holds_ahead_of_its_middle() -> None:
+    arm = arm_at(210)
+    np.testing.assert_array_equal(take_grip(arm, OBJECT).pixel, arm.grip)
+    assert arm.grip[0] < arm.centre[0]
 
 
-def test_held_vertices_go_along_with_the_hand() -> None:
-    arm = arm_at()
-    held = held_by(arm)
+def test_the_place_goes_along_with_the_hand() -> None:
+    grip = take_grip(arm_at(), OBJECT)
     shift = np.array([6.0, 3.0])
-    later = follow(held, np.column_stack([np.eye(2), shift]), arm_at(196, 163))
-    np.testing.assert_array_equal(later.vertices, [4, 8])
-    np.testing.assert_allclose(later.pixels, held.pixels + shift, atol=0.5)
+    later = follow(grip, np.column_stack([np.eye(2), shift]), arm_at(196, 163))
+    np.testing.assert_allclose(later.pixel, grip.pixel + shift, atol=0.5)
 
 
-def test_without_a_motion_they_jump_to_the_hand() -> None:
-    arm = arm_at()
-    held = held_by(arm)
-    there = arm_at(240, 180)
-    later = follow(held, None, there)
-    np.testing.assert_allclose(later.pixels - there.centre, held.pixels - arm.centre)
+def test_without_a_motion_it_jumps_to_the_hand() -> None:
+    arm, there = arm_at(), arm_at(240, 180)
+    grip = take_grip(arm, OBJECT)
+    np.testing.assert_allclose(follow(grip, None, there).pixel - there.centre, grip.pixel - arm.centre)
 
 
 def test_drift_of_the_flow_is_taken_off() -> None:
     arm = arm_at()
-    held = held_by(arm)
+    first = grip = take_grip(arm, OBJECT)
     drifting = STAY + [[0, 0, 0.5], [0, 0, 0.5]]
     for _ in range(60):
-        held = follow(held, drifting, arm)
+        grip = follow(grip, drifting, arm)
     # Without it, 60 views of half a pixel are 30 pixels.
-    assert np.abs(held.pixels - held_by(arm).pixels).max() < 5
+    assert np.abs(grip.pixel - first.pixel).max() < 5

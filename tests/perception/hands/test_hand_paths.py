@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from egophys_core.perception.hands.hand_paths import first_contact, hand_paths
+from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.observation import HandSight
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.surface_render import project
@@ -42,7 +42,7 @@ def test_before_contact_the_width_tells_the_depth() -> None:
     assert path.shape == (40, 3)
     # Smoothing over an eighth of a second is all that is lost; a wrong depth would be metres off.
     assert np.linalg.norm(path - TRUE, axis=1).max() < 0.008
-    assert first_contact(sights) == CONTACT
+    assert contact_views(sights) == {0: CONTACT}
 
 
 def test_a_hidden_hand_goes_straight_from_where_it_was() -> None:
@@ -58,10 +58,10 @@ def test_a_hidden_hand_goes_straight_from_where_it_was() -> None:
 def test_only_hands_that_ever_touch_have_paths() -> None:
     sights = [{0: sight(frame, contact=None), 1: sight(frame, contact=22)} for frame in range(40)]
     assert list(hand_paths(sights, VIEWS)) == [1]
-    assert first_contact(sights) == 22
+    assert contact_views(sights) == {1: 22}
     nobody = [{0: sight(frame, contact=None)} for frame in range(40)]
     assert hand_paths(nobody, VIEWS) == {}
-    assert first_contact(nobody) == -1
+    assert contact_views(nobody) == {}
 
 
 def test_a_depth_that_jumps_for_one_view_is_evened_out() -> None:

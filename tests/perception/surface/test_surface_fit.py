@@ -9,14 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.perception.camera.parallax import rays_of_pixels
 from egophys_core.perception.stages import View
-from egophys_core.perception.surface.surface_fit import (
-    Correspondences,
-    Distances,
-    SurfaceFitter,
-    SurfaceModel,
-    _distance_rows,
-    fitter_of,
-)
+from egophys_core.perception.surface.surface_fit import Correspondences, SurfaceFitter, SurfaceModel, fitter_of
 from egophys_core.perception.surface.surface_mesh import SurfaceMesh, mesh_of_mask, vertex_normals
 from egophys_core.perception.surface.surface_render import project
 
@@ -88,11 +81,6 @@ def wobbled(positions: np.ndarray, size: float = 0.003) -> np.ndarray:
     return positions + np.random.default_rng(5).normal(0, size, positions.shape)
 
 
-def depths(positions: np.ndarray, view: View) -> np.ndarray:
-    """[W] metres along the optical axis."""
-    return project(positions, view.camera_matrix, view.world_from_camera)[:, 2]
-
-
 def none_seen() -> Correspondences:
     return Correspondences(
         corners=np.zeros((0, 3), int),
@@ -147,21 +135,11 @@ class TestDerivatives:
         expected = numeric(lambda x: fitter._bending_rows(x)[1], positions, self.chosen, step=1e-7)
         np.testing.assert_allclose(jacobian[:, self.chosen].toarray(), expected, rtol=1e-3, atol=1e-2)
 
-    def test_of_depths(self) -> None:
-        fitter, view = fitter_of(model()), camera()
-        # So near the given depth that the robust weight, which is held, hardly changes.
-        held = Distances(vertices=np.array([3, 20, 41]), depth=0.5, sigma=0.5)
-        positions = wobbled(fitter.model.rest)
-        jacobian, residuals = _distance_rows(view, held, positions)
-        expected = numeric(lambda x: _distance_rows(view, held, x)[1], positions, np.arange(positions.size))
-        np.testing.assert_allclose(jacobian.toarray(), expected, atol=0.02 * np.abs(expected).max())
-        assert residuals == pytest.approx((depths(positions, view)[held.vertices] - 0.5) / 0.5, rel=0.01)
-
     def test_all_misses_are_zero_at_rest_and_the_gradient_too(self) -> None:
         fitter, view = fitter_of(model()), camera()
         rest = fitter.model.rest
         seen = sightings_of(fitter, rest, view)
-        _, residuals, _, gradient = fitter._system(view, seen, (), rest, rest, np.full(len(rest), 0.01))
+        _, residuals, _, gradient = fitter._system(view, seen, rest, rest, np.full(len(rest), 0.01))
         np.testing.assert_allclose(residuals, 0, atol=1e-9)
         np.testing.assert_allclose(gradient, 0, atol=1e-9)
 
@@ -264,29 +242,6 @@ class TestFit:
         np.testing.assert_allclose(found.positions, predicted, atol=1e-6)
         assert found.residual.shape == (0,)
         assert np.isfinite(found.sigma).all()
-
-    def test_depths_of_two_groups_lift_each(self) -> None:
-        fitter, view = fitter_of(model(lowest=-1.0)), camera()
-        rest = fitter.model.rest
-        at_rest = depths(rest, view)
-        ends = [
-            np.flatnonzero(rest[:, 0] < rest[:, 0].min() + 0.01),
-            np.flatnonzero(rest[:, 0] > rest[:, 0].max() - 0.01),
-        ]
-        wanted = [float(at_rest[end].mean()) + way for end, way in zip(ends, (-0.03, 0.02), strict=True)]
-        held = [Distances(vertices=end, depth=depth, sigma=0.002) for end, depth in zip(ends, wanted, strict=True)]
-        found = fitter.fit(view, none_seen(), rest, np.full(len(rest), 0.02), 8, rest, held)
-        reached = depths(found.positions, view)
-        for end, depth in zip(ends, wanted, strict=True):
-            assert reached[end].mean() == pytest.approx(depth, abs=0.004)
-
-    def test_a_depth_that_is_far_off_is_rather_wrong(self) -> None:
-        fitter, view = fitter_of(model(lowest=-1.0)), camera()
-        rest = fitter.model.rest
-        seen = sightings_of(fitter, rest, view)
-        wrong = Distances(vertices=np.arange(4), depth=0.1, sigma=0.002)
-        found = fitter.fit(view, seen, rest, np.full(len(rest), 0.02), 4, rest, [wrong])
-        assert np.linalg.norm(found.positions - rest, axis=1).max() < 0.003
 
     def test_nothing_sinks_into_the_table(self) -> None:
         fitter, view = fitter_of(model()), camera()

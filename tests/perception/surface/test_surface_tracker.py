@@ -64,7 +64,8 @@ def test_hand_is_where_it_holds() -> None:
     assert len(misses) > 15
     # 10 pixels are 16 mm there, about the radius of the drawn hand.
     assert np.max(misses, axis=0) == pytest.approx([0, 0, 0], abs=10)
-    assert max(miss[2] for miss in misses) < 0.015
+    # By its width alone: a pixel of the 17 that the drawn hand is wide are 35 mm.
+    assert max(miss[2] for miss in misses) < 0.045
 
 
 def test_a_solid_is_pushed_from_where_it_begins_to_move() -> None:

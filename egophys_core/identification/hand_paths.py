@@ -8,18 +8,18 @@ of them in one batch (Gauss-Newton by differences); the horizon grows, so that l
 right.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.errors import EpisodeError
 from egophys_core.kinds import kind_named
 from egophys_core.kinds.rest_shape import rest_shape, surface_model
 from egophys_core.observation import FitProblem, observe_episode
+from egophys_core.observation.contact import Contact, Hand
 from egophys_core.observation.problem import prepare
-from egophys_core.simulation import Controls, batch_of_models, rollout
+from egophys_core.simulation import ContactKind, Controls, batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 
 KNOT_S = 1 / 6
@@ -28,8 +28,9 @@ KNOT_S = 1 / 6
 WINDOW = 6
 """Knots that are solved for at once; the horizon grows by half of it."""
 
-ITERATIONS = 3
-"""Of Gauss-Newton at each horizon."""
+DOUBTS_M = (0.06, 0.06, 0.025, 0.015)
+"""Metres, of each iteration at a horizon: from here on a miss is rather that of the simulation, which buckles
+elsewhere, or of the track. At first the paths themselves are wrong by more."""
 
 STEP_M = 0.004
 """Metres by which a knot is moved for the differences."""
@@ -49,17 +50,17 @@ ALONG_SIGMA_M = 0.05
 SWERVE_SIGMA_M = 0.012
 """Metres: how far a knot lies off the middle of its neighbours, twice."""
 
-MISS_SIGMA_M = 0.006
+MISS_SIGMA_M = 0.02
 """Metres: of tracked points against a simulation with usual stiffness."""
 
-DOUBT_M = 0.015
-"""Metres from which on a miss is rather that of the simulation, which buckles elsewhere, or of the track."""
+LET_GO_M = 0.08
+"""Metres beside everything that is seen of the object, across the line of sight, from which on a hand does not hold."""
 
 DEPTH_SHARE = 0.2
 """Weight of a miss along the line of sight against one across: a track is as sure as a patch in the image across, but
 along it is inferred from the size in which the object appears."""
 
-COUNTED_POINTS = 40
+COUNTED_POINTS = 10
 """The misses of neighbouring points have the same causes: all together count as so many."""
 
 SHARES = (1.0, 0.5, 0.25)
@@ -81,13 +82,19 @@ class SolvedHands:
 
 
 def solve_hands(
-    episode: Episode, camera_centres: np.ndarray, *, progress: Callable[[float], None] = lambda share: None
+    episode: Episode,
+    camera_centres: np.ndarray,
+    contact_frames: Sequence[int] = (),
+    *,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> SolvedHands:
     """Solve for the paths of hands.
 
     Args:
         episode: as seen; each hand's controllers keep their places among each other.
         camera_centres: [T, 3] metres, frame world.
+        contact_frames: of each hand, in the order of its first controller: since when it was seen to move the object.
+            Where its path is so wrong that no contact is found, a sheet is taken to be held from then on.
         progress: called with the share that is done, 0..1.
 
     Raises:
@@ -99,10 +106,43 @@ def solve_hands(
     usual = surface_model(kind_named(shape.kind)).candidate(shape, start, ground_height=episode.ground_height)
     # A hand that holds turns what it holds: a wide grasp does, a narrow one is a hinge.
     model = max(kind_named(shape.kind).variants(usual), key=lambda each: each.parameters.controller_radius)
+    hands = observed.hands
+    if shape.kind == "sheet" and len(contact_frames) == len(hands):
+        hands = tuple(_held_since(hand, frame) for hand, frame in zip(hands, contact_frames, strict=True))
+    hands = tuple(_holding_on(hand, observed.episode, camera_centres) for hand in hands)
+    observed = replace(observed, hands=hands)
     problem = prepare(observed, shape.positions, shape.surface, spacing=shape.spacing)
     solver = _Solver(problem, model, camera_centres)
     path = solver.solve(progress)
     return solver.solved(path)
+
+
+def _held_since(hand: Hand, frame: int) -> Hand:
+    """The hand, with a hold from a frame on if it has no contact."""
+    if hand.touches:
+        return hand
+    return replace(hand, contacts=(Contact(first=frame, last=frame, kind=ContactKind.HOLD),))
+
+
+def _holding_on(hand: Hand, episode: Episode, camera_centres: np.ndarray) -> Hand:
+    """The hand, which holds what it took until it is seen beside the object: its depth is not sure enough to tell.
+
+    `find_hands` takes a hand whose depth wanders by centimetres for one that lets go and takes hold again.
+    """
+    first = next((each for each in hand.contacts if each.kind == ContactKind.HOLD), None)
+    if first is None:
+        return hand
+    place = episode.controllers[:, hand.controllers].mean(axis=1)
+    sight = place - camera_centres
+    sight /= np.linalg.norm(sight, axis=1, keepdims=True)
+    to_points = episode.points - camera_centres[:, None]
+    beside = np.linalg.norm(np.cross(to_points, sight[:, None]), axis=2)
+    nearest = np.nanmin(np.where(np.isfinite(beside), beside, np.inf), axis=1)
+    seen = np.isfinite(nearest) & (np.arange(episode.frames) > first.first)
+    gone = np.flatnonzero(seen & (nearest > LET_GO_M))
+    last = int(gone[0]) - 1 if len(gone) else episode.frames - 1
+    before = tuple(each for each in hand.contacts if each.last < first.first)
+    return replace(hand, contacts=(*before, replace(first, last=max(last, first.last))))
 
 
 class _Solver:
@@ -137,10 +177,8 @@ class _Solver:
         while True:
             horizon = min(horizon, last)
             free = np.arange(max(first, horizon - WINDOW - 2), horizon + 1)
-            for _ in range(ITERATIONS):
-                path, has_improved = self._improved(path, free)
-                if not has_improved:
-                    break
+            for doubt in DOUBTS_M:
+                path = self._improved(path, free, doubt)
             progress(horizon / last)
             if horizon == last:
                 return path
@@ -159,7 +197,7 @@ class _Solver:
             miss_after_m=rms[1],
         )
 
-    def _improved(self, path: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, bool]:
+    def _improved(self, path: np.ndarray, free: np.ndarray, doubt: float) -> np.ndarray:
         """One step of Gauss-Newton over the changes from knot to knot at `free`."""
         hands = path.shape[1]
         moved = []
@@ -171,7 +209,7 @@ class _Solver:
         misses = self._misses([path, *moved], free)
         miss = misses[0]
         slopes = np.nan_to_num(np.moveaxis(misses[1:] - miss, 0, -1) / STEP_M)
-        weight = self._weights(miss)
+        weight = self._weights(miss, doubt)
         miss = np.nan_to_num(miss)
         normal = np.einsum("fp,fpcm,fpcn->mn", weight, slopes, slopes, optimize=True)
         gradient = np.einsum("fp,fpcm,fpc->m", weight, slopes, miss, optimize=True)
@@ -188,10 +226,9 @@ class _Solver:
             other[free[-1] + 1 :] += share * step[-1]
             tried.append(other)
         costs = [
-            self._cost(each, free, found) for each, found in zip(tried, self._misses(tried, free), strict=True)
+            self._cost(each, free, found, doubt) for each, found in zip(tried, self._misses(tried, free), strict=True)
         ]
-        best = int(np.argmin(costs))
-        return tried[best], best > 0
+        return tried[int(np.argmin(costs))]
 
     def _prior(self, path: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Information [M, M] and residual [M] of the seen paths; derivative [B, M] and residual [B] of bends."""
@@ -210,9 +247,9 @@ class _Solver:
                     second[row, knot - back - free[0]] = factor
         return information, np.kron(second, np.eye(hands * 3)), apart, bends
 
-    def _cost(self, path: np.ndarray, free: np.ndarray, miss: np.ndarray) -> float:
+    def _cost(self, path: np.ndarray, free: np.ndarray, miss: np.ndarray, doubt: float) -> float:
         square = np.nan_to_num((miss**2).sum(axis=-1), nan=0.0)
-        data = 0.5 * DOUBT_M**2 * np.log1p(square / DOUBT_M**2).sum() / MISS_SIGMA_M**2 / self._correlated
+        data = 0.5 * doubt**2 * np.log1p(square / doubt**2).sum() / MISS_SIGMA_M**2 / self._correlated
         prior, _, apart, bends = self._prior(path, free)
         return float(data + 0.5 * apart @ prior @ apart + 0.5 * (bends**2).sum() / SWERVE_SIGMA_M**2)
 
@@ -221,10 +258,10 @@ class _Solver:
         """Tracks that count as one."""
         return max(1.0, float(self._tracks.sum()) / COUNTED_POINTS)
 
-    def _weights(self, miss: np.ndarray) -> np.ndarray:
+    def _weights(self, miss: np.ndarray, doubt: float) -> np.ndarray:
         """[F, P] 1/m^2; 0 where nothing is seen."""
         square = (miss**2).sum(axis=-1)
-        return np.nan_to_num(1 / (1 + square / DOUBT_M**2) / MISS_SIGMA_M**2 / self._correlated, nan=0.0)
+        return np.nan_to_num(1 / (1 + square / doubt**2) / MISS_SIGMA_M**2 / self._correlated, nan=0.0)
 
     def _misses(self, paths: list[np.ndarray], free: np.ndarray) -> np.ndarray:
         """[L, F, P, 3] metres: simulated less tracked points, every other frame of the knots; NaN where not seen.

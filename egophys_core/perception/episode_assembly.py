@@ -8,7 +8,7 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
-from egophys_core.perception.hands.hand_paths import first_contact, hand_paths
+from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.hands.hand_tracks import MOST_HANDS
 from egophys_core.perception.observation import HandSight, Observation
@@ -61,7 +61,12 @@ class EpisodeAssembly:
     @property
     def grip_frame(self) -> int:
         """First observation in which a hand has contact with the object; -1 if none."""
-        return first_contact(self._hands)
+        return min(self.contact_frames, default=-1)
+
+    @property
+    def contact_frames(self) -> tuple[int, ...]:
+        """Of each hand of the episode, the first observation in which it has contact."""
+        return tuple(contact_views(self._hands).values())
 
     @property
     def camera_centres(self) -> np.ndarray:

@@ -92,6 +92,7 @@ def test_options_of_perception_are_checked_before_the_build(start_twin_node, cli
     start_twin_node()
     for options, reason in (
         ({"source": "film"}, "source must be one of auto, points, video"),
+        ({"force": "yes"}, "force must be of type bool"),
         ({"perception.querys": 300}, "did you mean 'queries'"),
         ({"perception.queries": 3}, "queries must be in 100 .. 20000, got 3"),
         ({"board.rows": 1}, "at least 2 columns, 2 rows"),

@@ -21,10 +21,10 @@ FEW_POSES, TOO_FEW_POSES = 0.9, 0.5
 """Shares of the frames whose camera pose is known."""
 STILL_PX, MOVING_PX = 0.5, 0.8
 """Pixels, median: how far points at rest are from one place over the first views."""
-LEAST_COVERAGE = 0.3
-"""Of a second of which a twin learns something of most of the object: half of a folded sheet is hidden."""
-SECONDS_BELOW = 0.5
-"""Share of the seconds with less coverage, from which on a video is poor; any at all are doubtful."""
+FEW_POINTS, TOO_FEW_POINTS = 0.3, 0.12
+"""Coverages of a second. A sheet that is folded twice hides three quarters of itself, through no fault of the video."""
+TOO_MANY_SECONDS = 0.5
+"""Share of the seconds with too few points from which on a video is poor; one with few makes it doubtful."""
 DOUBTFUL, MOSTLY_DOUBTFUL = 0.25, 0.5
 """Shares of the followed points that are too doubtful for the episode."""
 
@@ -98,15 +98,17 @@ def _hands(seconds: Sequence[Second], hand_seen: int, has_contact: bool) -> Rema
 
 
 def _coverage(seconds: Sequence[Second]) -> Remark:
-    least = min(seconds, key=lambda second: second.coverage)
-    below = sum(second.coverage < LEAST_COVERAGE for second in seconds)
-    mean = float(np.mean([second.coverage for second in seconds]))
+    coverage = np.array([second.coverage for second in seconds])
+    least, too_few = int(coverage.argmin()), int((coverage < TOO_FEW_POINTS).sum())
     text = (
-        f"{100 * mean:.0f} % of the points are found, {100 * least.coverage:.0f} % in second {least.start_s:.0f}; "
-        f"less than {100 * LEAST_COVERAGE:.0f} % in {below} of {len(seconds)} seconds"
+        f"{100 * coverage.mean():.0f} % of the points are found, {100 * coverage[least]:.0f} % in second {least}; "
+        f"less than {100 * TOO_FEW_POINTS:.0f} % in {too_few} of {len(seconds)} seconds"
     )
+    if coverage[least] >= FEW_POINTS:
+        return Remark(name="coverage", level=Level.OK, text=text)
+    level = Level.BAD if too_few >= TOO_MANY_SECONDS * len(seconds) else Level.DOUBTFUL
     advice = "move the object slowly, with arms and folds not in front of it, wholly in view, and in bright light"
-    return graded("coverage", below / len(seconds), ok=0.0, bad=SECONDS_BELOW, text=text, advice=advice)
+    return Remark(name="coverage", level=level, text=text, advice=advice)
 
 
 def _doubt(seconds: Sequence[Second]) -> Remark:

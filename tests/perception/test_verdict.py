@@ -66,9 +66,10 @@ def test_what_is_wrong_is_said_with_its_number_and_what_to_do(changed, verdict, 
 @pytest.mark.parametrize(
     ("coverage", "verdict", "said"),
     [
-        ((0.9, 0.8, 0.7), "good", "80 % of the points are found, 70 % in second 2; less than 30 % in 0 of 3 seconds"),
-        ((0.9, 0.1, 0.7), "usable", "10 % in second 1; less than 30 % in 1 of 3 seconds"),
-        ((0.9, 0.1, 0.0), "poor", "0 % in second 2; less than 30 % in 2 of 3 seconds"),
+        ((0.9, 0.8, 0.7), "good", "80 % of the points are found, 70 % in second 2; less than 12 % in 0 of 3 seconds"),
+        ((0.9, 0.2, 0.2), "usable", "20 % in second 1; less than 12 % in 0 of 3 seconds"),
+        ((0.9, 0.05, 0.7), "usable", "5 % in second 1; less than 12 % in 1 of 3 seconds"),
+        ((0.9, 0.1, 0.0), "poor", "0 % in second 2; less than 12 % in 2 of 3 seconds"),
     ],
 )
 def test_coverage_counts_in_every_second(coverage, verdict, said):

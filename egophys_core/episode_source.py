@@ -176,7 +176,7 @@ def _load(path: Path, source: EpisodeSource, progress: Callable[[str, float], No
     remarks = perceived.report.remarks
     if len(perceived.episode.controller_ids) == 0:
         why = sentences(remarks, Level.BAD) or "no hand holds the object"
-        raise EpisodeError(f"{path.name}: {why}. {_LOOK}; there is nothing to fit, with --force neither")
+        raise EpisodeError(f"{path.name}: {why}. {_LOOK}; no hand could drive a twin, with --force neither")
     if not source.force:
         _require_usable(path, remarks)
     return LoadedEpisode(episode=_as_recorded(perceived.episode), report=perceived.report)

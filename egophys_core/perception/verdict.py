@@ -80,7 +80,7 @@ def _rest(rest_px: float, still_s: float) -> Remark:
         text = "the object has no pattern that can be followed while it rests: its depth is a guess"
         return Remark(name="rest", level=Level.BAD, text=text, advice=MARK_IT)
     where = f"its points are {rest_px:.1f} pixels from one place in the median"
-    text = f"it {'never rests' if rest_px >= MOVING_PX else 'rests'} in the first {still_s:g} s: {where}"
+    text = f"the object {'never rests' if rest_px >= MOVING_PX else 'rests'} in the first {still_s:g} s: {where}"
     return graded("rest", rest_px, ok=STILL_PX, bad=MOVING_PX, text=text, advice=rest_first(still_s))
 
 

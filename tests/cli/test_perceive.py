@@ -235,6 +235,9 @@ def test_shipped_video_from_end_to_end(egophys, short_bag, tmp_path):
     report = json.loads((tmp_path / "a/report.json").read_text())
     assert (report["frames"], report["posed"], report["kind"]) == (20, 20, "sheet")
     assert report["hand_seen"] >= 5
+    assert report["verdict"] != "poor", report["remarks"]
+    assert [each["touching"] for each in report["seconds"]] == [0, 1]
+    assert min(each["coverage"] for each in report["seconds"]) > 0.7
     found, measured = read_episode(tmp_path / "a/episode"), read_episode(POINTS)
     assert found.frames == 20
     for corner in (np.nanmin, np.nanmax):

@@ -23,8 +23,10 @@ in millimetres, all of points of the perceived episode with a confidence of at l
 """
 
 import argparse
+import sys
 import time
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -57,7 +59,7 @@ FIGURES = (
 
 def run() -> dict[str, Any]:
     """Measure what is missing; the keys of `results/film.json`."""
-    return _fill((), twins=True)
+    return _fill((), "python -m benchmarks.run film", twins=True)
 
 
 def main() -> None:
@@ -69,16 +71,16 @@ def main() -> None:
     there = {bag.name for bag in RECORDED.iterdir()}
     if unknown := set(parsed.videos) - there:
         parser.error(f"no video is called {', '.join(sorted(unknown))}; there are {', '.join(sorted(there))}")
-    _fill(parsed.videos, twins=not parsed.no_twins)
+    _fill(parsed.videos, " ".join(["python -m benchmarks.film", *sys.argv[1:]]), twins=not parsed.no_twins)
 
 
-def _fill(named: Sequence[str], *, twins: bool) -> dict[str, Any]:
+def _fill(named: Sequence[str], command: str, *, twins: bool) -> dict[str, Any]:
     rows = {row["video"]: row for row in kept_in(RESULT, {"rows": []})["rows"]}
     done = {name for name, row in rows.items() if row["has_twins"] or not twins}
-    where = {"machine": machine(), "commit": commit(), "command": "python -m benchmarks.run film"}
+    where = {"machine": machine(), "commit": commit(), "command": command}
     for bag in sorted(RECORDED.iterdir()):
         if bag.name in named or not (named or bag.name in done):
-            rows[bag.name] = measure(bag, twins=twins)
+            rows[bag.name] = {**measure(bag, twins=twins), "commit": where["commit"]}
             write_json(RESULT, {"rows": [rows[name] for name in sorted(rows)], **where})
             print(rows[bag.name], flush=True)
     return {"rows": [rows[name] for name in sorted(rows)]}
@@ -86,15 +88,17 @@ def _fill(named: Sequence[str], *, twins: bool) -> dict[str, Any]:
 
 def measure(bag: Path, *, twins: bool) -> dict[str, Any]:
     """The row of a video."""
-    row: dict[str, Any] = {**dict.fromkeys(FIGURES), "video": bag.name, "has_twins": twins, "commit": commit()}
+    row: dict[str, Any] = {**dict.fromkeys(FIGURES), "video": bag.name, "has_twins": twins}
     truth = StampedEpisode(episode=read_episode(bag), stamps_ns=read_measured(bag).stamps_ns)
     hands = find_hands(truth.episode)
     static = baseline_scores(truth.episode, contact_flags(truth.episode, hands))["last observed shape stays"]
     row["static_te_mm"] = 1e3 * static.test_track_m
-    failures = []
-    for step in (_from_video, _from_points) if twins else (_from_video,):
+    steps, failures = [partial(_from_video, bag, truth, hands, row)], []
+    if twins:
+        steps.append(partial(_from_points, truth, row))
+    for step in steps:
         try:
-            step(bag, truth, hands, row)
+            step()
         except EgophysError as error:
             failures.append(str(error))
     return nulled({**row, "why": "; ".join(failures)})
@@ -118,7 +122,7 @@ def _from_video(bag: Path, truth: StampedEpisode, hands: Sequence[Hand], row: di
         row["twin_video_te_mm"] = held_out_error(nodes[:, twin.model.graph.surface], found.stamps_ns, truth)
 
 
-def _from_points(bag: Path, truth: StampedEpisode, hands: Sequence[Hand], row: dict[str, Any]) -> None:
+def _from_points(truth: StampedEpisode, row: dict[str, Any]) -> None:
     """Write the figures of a twin from measured points into a row."""
     twin = build([truth.episode], seed=SEED)
     row["twin_points_te_mm"] = 1e3 * twin.provenance.scores["test_track_m"]

@@ -61,17 +61,7 @@ class EpisodeAssembly:
     @property
     def grip_frame(self) -> int:
         """First observation in which a hand has contact with the object; -1 if none."""
-        return min(self.contact_frames, default=-1)
-
-    @property
-    def contact_frames(self) -> tuple[int, ...]:
-        """Of each hand of the episode, the first observation in which it has contact."""
-        return tuple(contact_views(self._hands).values())
-
-    @property
-    def camera_centres(self) -> np.ndarray:
-        """[T, 3] metres, frame world: where each observation was made from."""
-        return np.array([view.world_from_camera[:3, 3] for view in self._cameras])
+        return min(contact_views(self._hands).values(), default=-1)
 
     def episode(self, name: str, ground_height: float) -> Episode:
         """What was observed.

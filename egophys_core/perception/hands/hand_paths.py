@@ -44,15 +44,10 @@ def _path(sights: Sequence[HandSight | None], views: Sequence[View]) -> np.ndarr
     times = np.array([view.stamp_ns for view in views]) * 1e-9
     touched = [frame for frame in seen if sights[frame].has_contact]
     spread = [sights[frame].depth * sights[frame].radius for frame in touched[:LEARNT_VIEWS]]
-    depth = np.array(
-        [sights[f].depth if sights[f].has_contact else np.median(spread) / sights[f].radius for f in seen]
-    )
+    depth = np.array([sights[f].depth if sights[f].has_contact else np.median(spread) / sights[f].radius for f in seen])
     step = float(np.median(np.diff(times[seen]))) if len(seen) > 1 else STEADY_S
     depth = gaussian_filter1d(depth, STEADY_S / step, mode="nearest")
     places = np.array(
-        [
-            at_depth(sights[frame].pixel[None], each, views[frame])[0]
-            for frame, each in zip(seen, depth, strict=True)
-        ]
+        [at_depth(sights[frame].pixel[None], each, views[frame])[0] for frame, each in zip(seen, depth, strict=True)]
     )
     return np.column_stack([np.interp(times, times[seen], places[:, axis]) for axis in range(3)])

@@ -141,9 +141,7 @@ class SurfaceTracker:
         seen = np.zeros(len(self._corners), bool)
         seen[self._found.features] = True
         self._find_contacts(view, seen)
-        return SurfaceState(
-            positions=fitted.positions, sigma=fitted.sigma, seen=seen, hands=self._hand_states(view)
-        )
+        return SurfaceState(positions=fitted.positions, sigma=fitted.sigma, seen=seen, hands=self._hand_states(view))
 
     def silhouette(self, view: View) -> np.ndarray:
         """[S, S] bool: where the surface is expected in the next view, also behind hands."""

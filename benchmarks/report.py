@@ -19,6 +19,7 @@ PAGE = REPOSITORY / "docs/results.md"
 
 TABLES: dict[str, tuple[str, Callable[[dict[str, Any], Mapping[str, str]], str]]] = {
     "perception": ("perception", tables.perception_table),
+    "film": ("film", tables.film_table),
     "towel": ("towel", tables.towel_table),
     "accuracy": ("physics", tables.accuracy_table),
     "diagnoses": ("diagnoses", tables.diagnoses_table),

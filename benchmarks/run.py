@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks import beam, blind, cable, cost, effects, injected, perception, physics, towel, trust
+from benchmarks import beam, blind, cable, cost, effects, film, injected, perception, physics, towel, trust
 from benchmarks.provenance import commit, machine
 from benchmarks.report import RESULTS, renew
 from egophys_core.files import write_json
@@ -19,6 +19,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "effects": effects.run,
     "towel": towel.run,
     "perception": perception.run,
+    "film": film.run,
     "injected": injected.run,
     "diagnoses": blind.run,
     "beam": beam.run,

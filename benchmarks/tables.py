@@ -54,11 +54,35 @@ def perception_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
         ("views", "views", 0),
         ("s", "seconds", 0),
     )
-    rows = [
-        [row["video"], *("-" if row[key] is None else f"{row[key]:.{digits}f}" for _, key, digits in columns)]
-        for row in result["rows"]
-    ]
+    rows = [[row["video"], *(_or_dash(row[key], digits) for _, key, digits in columns)] for row in result["rows"]]
     return table(["video", *(name for name, _, _ in columns)], rows)
+
+
+def film_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Surface, hands and twins of each recorded video."""
+    columns = (
+        ("mean mm", "surface_mean_mm", 1),
+        ("p95 mm", "surface_p95_mm", 1),
+        ("coverage", "coverage", 2),
+        ("least second", "least_coverage_second", 2),
+        ("wrong", "wrong_share_confident", 3),
+        ("twin, video", "twin_video_te_mm", 1),
+        ("twin, points", "twin_points_te_mm", 1),
+        ("static", "static_te_mm", 1),
+        ("s", "seconds", 0),
+    )
+    header = ["video", "kind", "hands", "hand mm", *(name for name, _, _ in columns), "failed"]
+    rows = []
+    for row in result["rows"]:
+        hands = ", ".join(_or_dash(each, 0) for each in row["hand_mean_mm"] or [])
+        figures = [_or_dash(row[key], digits) for _, key, digits in columns]
+        line = [row["video"], row["kind"] or "-", row["hands"] or "-", hands or "-", *figures, row["why"]]
+        rows.append((row["commit"], [line]))
+    return by_revision(header, rows, dates)
+
+
+def _or_dash(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def cost_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:

@@ -9,11 +9,13 @@ from tempfile import TemporaryDirectory
 
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, RecordingError
-from egophys_core.options import choice
+from egophys_core.options import choice, switch
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.camera.image_message import COMPRESSED_IMAGE, IMAGE
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.perceive import PerceptionReport, perceive
+from egophys_core.perception.remarks import Level, Remark, sentences, verdict_of
+from egophys_core.perception.report_message import recorded_remarks
 from egophys_core.recording import (
     CONTROLLER_TOPIC,
     OBJECT_TOPIC,
@@ -41,11 +43,12 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class SourceOptions:
-    """The choice that users have; the same name on the command line and as ROS parameter."""
+    """The choices that users have; the same names on the command line and as ROS parameters."""
 
     source: Source = choice(  # noqa: RUF009
         Source.AUTO, doc="what of a recording is used: points, video, or auto: points if it has any, else video"
     )
+    force: bool = switch(False, doc="take an episode from a video of which the verdict is poor, too")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +56,8 @@ class EpisodeSource:
     """How recordings become episodes."""
 
     source: Source = Source.AUTO
+    force: bool = False
+    """Whether poor videos are taken, too."""
     object_topic: str = OBJECT_TOPIC
     """Topic of the object's points."""
     controller_topic: str = CONTROLLER_TOPIC
@@ -142,7 +147,8 @@ def load_episodes(
 
     Raises:
         RecordingError: not a bag, or the topics are not in it.
-        EpisodeError: points or video do not form an episode; in a video, also: no hand holds the object.
+        EpisodeError: points or video do not form an episode; or the verdict on the video, or on that from which
+            recorded points were perceived, is poor, and that is not forced; or no hand holds the object in it.
     """
     loaded = []
     for index, path in enumerate(paths):
@@ -157,6 +163,8 @@ def load_episodes(
 
 def _load(path: Path, source: EpisodeSource, progress: Callable[[str, float], None]) -> LoadedEpisode:
     if not is_video(path, source):
+        if not source.force:
+            _require_usable(path, recorded_remarks(path))
         episode = read_episode(path, object_topic=source.object_topic, controller_topic=source.controller_topic)
         return LoadedEpisode(episode=episode, report=None)
 
@@ -165,10 +173,24 @@ def _load(path: Path, source: EpisodeSource, progress: Callable[[str, float], No
         progress(f"perceive: {stage}", begin + (end - begin) * share)
 
     perceived = perceive(path, options=source.perception, board=source.board, progress=report)
+    remarks = perceived.report.remarks
     if len(perceived.episode.controller_ids) == 0:
-        found = "; ".join(perceived.report.notes) or "no hand holds the object"
-        raise EpisodeError(f"{path.name}: {found}. `egophys perceive` draws what was seen; record the whole handling")
+        why = sentences(remarks, Level.BAD) or "no hand holds the object"
+        raise EpisodeError(f"{path.name}: {why}. {_LOOK}; no hand could drive a twin, with --force neither")
+    if not source.force:
+        _require_usable(path, remarks)
     return LoadedEpisode(episode=_as_recorded(perceived.episode), report=perceived.report)
+
+
+_LOOK = "`egophys perceive` draws what was seen"
+
+
+def _require_usable(path: Path, remarks: Sequence[Remark]) -> None:
+    if verdict_of(remarks) == "poor":
+        raise EpisodeError(
+            f"{path.name}: the video is poor: {sentences(remarks, Level.BAD)}. {_LOOK}; film again, or take it all the "
+            "same with --force (parameter `force` of twin_node)"
+        )
 
 
 def _as_recorded(episode: Episode) -> Episode:

@@ -25,6 +25,11 @@ def choice(default: Any, *, doc: str) -> Any:
     return dataclasses.field(default=default, metadata={"doc": doc})
 
 
+def switch(default: bool, *, doc: str) -> Any:
+    """An option that is on or off."""
+    return dataclasses.field(default=default, metadata={"doc": doc})
+
+
 def text(default: str, *, doc: str) -> Any:
     """An option that is a text, checked by its class if not all texts do."""
     return dataclasses.field(default=default, metadata={"doc": doc})

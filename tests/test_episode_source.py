@@ -13,6 +13,8 @@ from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.identification import episode_digest
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.perceive import Perceived, PerceptionReport
+from egophys_core.perception.remarks import Level, Remark
+from egophys_core.perception.report_message import REPORT_TOPIC, STRING, report_message
 from egophys_core.recording import (
     SENSOR_QOS,
     LogWriter,
@@ -37,12 +39,18 @@ REPORT = PerceptionReport(
     hand_seen=2,
     grip_frame=0,
     notes=("a note",),
+    seconds=(),
+    remarks=(Remark(name="rest", level=Level.DOUBTFUL, text="it hardly rests", advice="wait"),),
 )
+NEVER_RESTS = Remark(name="rest", level=Level.BAD, text="it never rests", advice="do not touch it")
 
 
-def merged(folder, *bags, frames=5):
-    """A bag with the first messages of each topic of several bags."""
+def merged(folder, *bags, frames=5, said=None):
+    """A bag with the first messages of each topic of several bags, and with a report of perception if there is one."""
     with LogWriter(folder) as log:
+        if said is not None:
+            log.add_topic(REPORT_TOPIC, STRING)
+            log.write(REPORT_TOPIC, report_message(dataclasses.asdict(said)), 1_700_000_000_000_000_000)
         for bag in bags:
             for topic in list_topics(bag):
                 log.add_topic(topic.name, topic.type, SENSOR_QOS)
@@ -141,14 +149,37 @@ def test_a_perceived_episode_is_what_a_reader_of_its_recording_gets(both, percep
             assert one.tobytes() == other.tobytes(), field.name
 
 
-def test_a_video_in_which_nothing_is_held_is_refused_with_the_notes(monkeypatch):
+def test_a_video_in_which_nothing_is_held_is_refused_even_if_forced(monkeypatch):
     episode = dataclasses.replace(
         untidy_episode(), controllers=np.zeros((2, 0, 3), np.float32), controller_ids=np.zeros(0, np.uint32)
     )
-    found = Perceived(episode=episode, start_ns=1, report=REPORT)
+    remark = Remark(name="hands", level=Level.BAD, text="no hand is seen", advice="handle it")
+    report = dataclasses.replace(REPORT, remarks=(*REPORT.remarks, remark))
+    found = Perceived(episode=episode, start_ns=1, report=report)
     monkeypatch.setattr(episode_source, "perceive", lambda path, **_: found)
-    with pytest.raises(EpisodeError, match=r"towel_lift_video\.mcap: a note"):
-        load_episodes([VIDEO], EpisodeSource())
+    for force in (False, True):
+        with pytest.raises(
+            EpisodeError, match=r"towel_lift_video\.mcap: no hand is seen: handle it\. .*--force neither"
+        ):
+            load_episodes([VIDEO], EpisodeSource(force=force))
+
+
+def test_a_poor_video_is_taken_only_by_force(monkeypatch, tmp_path):
+    poor = dataclasses.replace(REPORT, remarks=(*REPORT.remarks, NEVER_RESTS))
+    found = Perceived(episode=untidy_episode(), start_ns=1, report=poor)
+    monkeypatch.setattr(episode_source, "perceive", lambda path, **_: found)
+    # As `egophys perceive` leaves it: points, with what was said of the video.
+    perceived = merged(tmp_path / "perceived", POINTS, said=poor)
+    for path in (VIDEO, perceived):
+        with pytest.raises(EpisodeError) as refused:
+            load_episodes([path], EpisodeSource())
+        assert f"{path.name}: the video is poor: it never rests: do not touch it. " in str(refused.value)
+        assert "--force" in str(refused.value)
+        assert "hardly" not in str(refused.value)
+        (loaded,) = load_episodes([path], EpisodeSource(force=True))
+        assert loaded.report == (poor if path == VIDEO else None)
+    (usable,) = load_episodes([merged(tmp_path / "usable", POINTS, said=REPORT)], EpisodeSource())
+    assert usable.episode.frames == 5
 
 
 def test_progress_goes_through_all_recordings_and_stops_where_told(perception):

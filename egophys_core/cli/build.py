@@ -26,6 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Video is perceived with default options: for others run `egophys perceive` and build from what it writes",
     )
     add_object_argument(parser)
+    parser.add_argument("--force", action="store_true", help="build from a video of which the verdict is poor, too")
     parser.add_argument("--out", required=True, type=Path, metavar="TWIN", help="twin file to write (.twin)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the search (default 0)")
     parser.add_argument(
@@ -54,7 +55,7 @@ def run(parsed: argparse.Namespace) -> int:
     if parsed.object is not None and len(parsed.episodes) > 1:
         raise OptionsError("--object is a place in one video; perceive each of several by itself and build from those")
     options_of_video = with_object(PerceptionOptions(), parsed.object)
-    source = EpisodeSource(source=Source(parsed.source), perception=options_of_video)
+    source = EpisodeSource(source=Source(parsed.source), force=parsed.force, perception=options_of_video)
     perceiving = PERCEPTION_SHARE if any(is_video(path, source) for path in parsed.episodes) else 0.0
     try:
         with progress_bar() as report:
@@ -84,7 +85,11 @@ def run(parsed: argparse.Namespace) -> int:
         print_json({"twin": str(parsed.out), "twin_id": twin.twin_id, "scores": named, "perception": perception})
     else:
         for name, perceived in reports.items():
-            print("\n".join((f"{name}: perceived from video", *(f"  {note}" for note in perceived.notes))))
+            print(
+                "\n".join(
+                    (f"{name}: perceived from video, {perceived.verdict}", *(f"  {note}" for note in perceived.notes))
+                )
+            )
         print_scores(f"{episodes[0].name}", scores)
         for note in twin.provenance.settings.get("assumed", []):
             print(f"assumed: {note}")

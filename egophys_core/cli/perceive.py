@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from egophys_core.cli.board_arguments import add_board_arguments, board_from
-from egophys_core.cli.display import Report, print_json, print_table, progress_bar
+from egophys_core.cli.display import Report, print_json, print_remarks, print_table, progress_bar
 from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import OutputError
@@ -69,9 +69,9 @@ def run(parsed: argparse.Namespace) -> int:
             "start_stamp_ns": perceived.start_ns,
             "duration_s": float(perceived.episode.times[-1]),
             "elapsed_s": time.perf_counter() - began,
-            **nulled(asdict(perceived.report)),
             "options": to_mapping(options),
             "board": _board_content(board),
+            **nulled(asdict(perceived.report)),
         }
         write_json(folder / REPORT_NAME, content)
     if parsed.json:
@@ -79,6 +79,7 @@ def run(parsed: argparse.Namespace) -> int:
         return 0
     _print_report(perceived)
     print(f"{EPISODE_NAME}/, {SHEET_NAME}, {VIDEO_NAME} and {REPORT_NAME} written to {parsed.out}")
+    _print_verdict(perceived)
     return 0
 
 
@@ -94,13 +95,14 @@ def _perceive(
     from egophys_core.perception.overlay_video import OverlayVideo
     from egophys_core.perception.overlay_window import Window, follow
     from egophys_core.perception.perceive import perceive
+    from egophys_core.perception.report_message import REPORT_TOPIC, STRING, report_message
     from egophys_core.recording import SENSOR_QOS, LogWriter, write_episode
 
     sample: EvenSample[np.ndarray] = EvenSample()
     tails: deque[np.ndarray] = deque(maxlen=TAIL_VIEWS)
     windows: deque[Window] = deque(maxlen=1)
     first_stamp_ns: list[int] = []
-    pictures, points = folder / "pictures.part", folder / "points.part"
+    pictures, points, said = (folder / f"{name}.part" for name in ("pictures", "points", "said"))
     with LogWriter(pictures) as log, OverlayVideo(folder / VIDEO_NAME) as video:
         log.add_topic(OVERLAY_TOPIC, COMPRESSED_IMAGE, SENSOR_QOS)
 
@@ -121,7 +123,10 @@ def _perceive(
 
         perceived = perceive(bag, **topics, options=options, board=board, on_observation=show, progress=report)
     write_episode(perceived.episode, points, start_ns=perceived.start_ns)
-    _merge(folder / EPISODE_NAME, pictures, points)
+    with LogWriter(said) as log:
+        log.add_topic(REPORT_TOPIC, STRING)
+        log.write(REPORT_TOPIC, report_message(nulled(asdict(perceived.report))), perceived.start_ns)
+    _merge(folder / EPISODE_NAME, pictures, points, said)
     title = f"{bag.resolve().name}: {perceived.report.kind}, {perceived.report.tracked} points"
     write_atomically(folder / SHEET_NAME, png_of(contact_sheet(sample.items(), title=title)))
     return perceived
@@ -195,5 +200,25 @@ def _print_report(perceived: "Perceived") -> None:
     if found.thickness_m > 0:
         rows.insert(3, ("height of its skin over the table", f"{1000 * found.thickness_m:.1f} mm"))
     print_table(episode.name, ("found", ""), rows)
-    for note in found.notes:
+    said = {remark.text for remark in found.remarks}
+    for note in (note for note in found.notes if note not in said):
         print(f"note: {note}")
+
+
+def _print_verdict(perceived: "Perceived") -> None:
+    report = perceived.report
+    rows = [
+        (
+            f"{second.start_s:.0f}",
+            f"{100 * second.coverage:.0f} %",
+            f"{100 * second.doubtful:.0f} %",
+            f"{second.confidence:.2f}",
+            str(second.hands),
+            str(second.touching),
+        )
+        for second in report.seconds
+    ]
+    header = ("second", "coverage", "doubtful", "confidence", "hands", "touching")
+    print_table("of the points, and hands in each second", header, rows)
+    print_remarks("for a twin", report.remarks)
+    print(report.verdict + ("; `egophys build` refuses it without --force" if report.verdict == "poor" else ""))

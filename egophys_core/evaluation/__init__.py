@@ -14,6 +14,7 @@ from egophys_core.evaluation.metrics import (
 from egophys_core.evaluation.perception import (
     PointPaths,
     TrackedViews,
+    follow_measured,
     pair_frames,
     pixels_of,
     points_in_masks,
@@ -44,6 +45,7 @@ __all__ = [
     "camera_pose_scores",
     "chamfer_per_frame",
     "first_visible",
+    "follow_measured",
     "identify",
     "iou_per_frame",
     "mask_scores",

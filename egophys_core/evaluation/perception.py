@@ -84,10 +84,13 @@ def pair_frames(stamps_ns: np.ndarray, others_ns: np.ndarray) -> np.ndarray:
 
 def score_points(found: PointPaths, measured: PointPaths) -> ReconstructionScores:
     """Errors in space; measured frames without a reconstructed one count as not reconstructed."""
-    rest = measured.rest
-    places = identify(found.rest, rest, _radius(found.rest))
-    followed = _at_frames(places.follow(found.points), pair_frames(measured.stamps_ns, found.stamps_ns))
-    return reconstruction_scores(followed, measured.points, rest)
+    return reconstruction_scores(follow_measured(found, measured), measured.points, measured.rest)
+
+
+def follow_measured(found: PointPaths, measured: PointPaths) -> np.ndarray:
+    """[T, N, 3] metres: where reconstruction has each measured point in each measured frame; NaN where it does not."""
+    places = identify(found.rest, measured.rest, _radius(found.rest))
+    return _at_frames(places.follow(found.points), pair_frames(measured.stamps_ns, found.stamps_ns))
 
 
 def score_tracks(views: TrackedViews, measured: PointPaths, *, poses: np.ndarray | None = None) -> PointTrackScores:

@@ -8,7 +8,7 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
-from egophys_core.perception.hands.hand_paths import first_contact, hand_paths
+from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.hands.hand_tracks import MOST_HANDS
 from egophys_core.perception.observation import HandSight, Observation
@@ -61,12 +61,7 @@ class EpisodeAssembly:
     @property
     def grip_frame(self) -> int:
         """First observation in which a hand has contact with the object; -1 if none."""
-        return first_contact(self._hands)
-
-    @property
-    def camera_centres(self) -> np.ndarray:
-        """[T, 3] metres, frame world: where each observation was made from."""
-        return np.array([view.world_from_camera[:3, 3] for view in self._cameras])
+        return min(contact_views(self._hands).values(), default=-1)
 
     def episode(self, name: str, ground_height: float) -> Episode:
         """What was observed.

@@ -3,7 +3,7 @@
 import dataclasses
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +17,11 @@ from egophys_core.perception.camera.video import IMAGE_TOPIC, INFO_TOPIC, Video,
 from egophys_core.perception.episode_assembly import EpisodeAssembly
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import ObjectKind, PerceptionOptions, Stages
+from egophys_core.perception.remarks import Remark, verdict_of
 from egophys_core.perception.scene_observer import SceneObserver
+from egophys_core.perception.seconds import Second, SecondsSeen
 from egophys_core.perception.stages import View
+from egophys_core.perception.verdict import judge
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +50,15 @@ class PerceptionReport:
     """View in which the hand takes hold; -1 if it never does; 0 of learned stages, which need the hand from then on."""
     notes: tuple[str, ...]
     """Sentences for the user: what was inferred or missing, with numbers."""
+    seconds: tuple[Second, ...]
+    """What was seen in each second of the video."""
+    remarks: tuple[Remark, ...]
+    """How good that is for a twin, and what to film differently."""
+    verdict: str = field(init=False)
+    """`good`, `usable` or `poor`: as the worst remark is."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "verdict", verdict_of(self.remarks))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,16 +127,16 @@ def _perceive(
     camera = find_camera_path(video, board, height_m=options.camera_height_m, tell=tell)
     scene = SceneObserver(options, camera.board)
     assembly: EpisodeAssembly | None = None
-    hand_seen = 0
+    seen = SecondsSeen(least_confidence=options.least_confidence)
 
     def take(observations: list[Observation]) -> None:
-        nonlocal assembly, hand_seen
+        nonlocal assembly
         for observation in observations:
             if assembly is None:
                 assert scene.rest is not None
                 assembly = EpisodeAssembly(options=options, rest=scene.rest)
             assembly.add(observation)
-            hand_seen += bool(observation.masks.hand.any())
+            seen.add(observation)
             on_observation(observation)
 
     for index, view in enumerate(_views(video, camera, options)):
@@ -134,7 +146,7 @@ def _perceive(
     assert assembly is not None
     assert scene.rest is not None
     episode = assembly.episode(_episode_name(video, camera), ground_height=0.0)
-    report = _report(camera, scene, assembly, episode, hand_seen)
+    report = _report(camera, scene, assembly, episode, seen)
     return Perceived(episode=episode, start_ns=assembly.start_ns, report=report)
 
 
@@ -157,12 +169,11 @@ def _perceive_by_learned_stages(
         return (view for view in _views(video, camera, options) if np.isfinite(view.world_from_camera).all())
 
     stamps_ns: list[int] = []
-    hand_seen = 0
+    seen = SecondsSeen(least_confidence=options.least_confidence)
 
     def take(observation: Observation) -> None:
-        nonlocal hand_seen
         stamps_ns.append(observation.view.stamp_ns)
-        hand_seen += bool(observation.masks.hand.any())
+        seen.add(observation)
         on_observation(observation)
 
     episode, kind = observe_by_stages(
@@ -170,6 +181,7 @@ def _perceive_by_learned_stages(
     )
     tell("shape", 1.0)
     track = camera.track
+    seconds = seen.seconds(camera.stamps_ns)
     report = PerceptionReport(
         frames=len(track.known),
         posed=int(np.count_nonzero(track.known & ~track.inferred)),
@@ -179,9 +191,20 @@ def _perceive_by_learned_stages(
         thickness_m=0.0,
         tracked=episode.points.shape[1],
         coverage=float(episode.visible.mean()),
-        hand_seen=hand_seen,
+        hand_seen=seen.hand_seen,
         grip_frame=0,
         notes=(*camera.notes, "learned stages: hand and object are taken to be in view from the first frame on"),
+        seconds=seconds,
+        remarks=judge(
+            seconds=seconds,
+            frames=len(track.known),
+            posed=int(np.count_nonzero(track.known)),
+            hand_seen=seen.hand_seen,
+            has_contact=len(episode.controller_ids) > 0,
+            still_s=options.still_s,
+            scale_is_known=camera.scale_is_known,
+            lens=camera.lens,
+        ),
     )
     return Perceived(episode=episode, start_ns=stamps_ns[0], report=report)
 
@@ -205,11 +228,12 @@ def _episode_name(video: Video, camera: CameraPath) -> str:
 
 
 def _report(
-    camera: CameraPath, scene: SceneObserver, assembly: EpisodeAssembly, episode: Episode, hand_seen: int
+    camera: CameraPath, scene: SceneObserver, assembly: EpisodeAssembly, episode: Episode, seen: SecondsSeen
 ) -> PerceptionReport:
     assert scene.rest is not None
     rest, track = scene.rest, camera.track
-    posed = int(np.count_nonzero(track.known & ~track.inferred))
+    posed, inferred = int(np.count_nonzero(track.known & ~track.inferred)), int(np.count_nonzero(track.inferred))
+    seconds, hand_seen = seen.seconds(camera.stamps_ns), seen.hand_seen
     notes = [*camera.notes, *(note for note in (scene.warning, rest.note) if note)]
     left_out = int(np.count_nonzero(track.known)) - episode.frames
     if left_out:
@@ -223,7 +247,7 @@ def _report(
     return PerceptionReport(
         frames=len(track.known),
         posed=posed,
-        pose_inferred=int(np.count_nonzero(track.inferred)),
+        pose_inferred=inferred,
         scale_is_known=camera.scale_is_known,
         kind=str(rest.kind),
         thickness_m=rest.model.thickness,
@@ -232,4 +256,17 @@ def _report(
         hand_seen=hand_seen,
         grip_frame=assembly.grip_frame,
         notes=tuple(notes),
+        seconds=seconds,
+        remarks=judge(
+            seconds=seconds,
+            frames=len(track.known),
+            posed=posed + inferred,
+            hand_seen=hand_seen,
+            has_contact=len(episode.controller_ids) > 0,
+            still_s=assembly.options.still_s,
+            scale_is_known=camera.scale_is_known,
+            rest_px=rest.residual_px,
+            lens=camera.lens,
+            choice=scene.warning,
+        ),
     )

@@ -4,6 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+KEEP_THE_BOARD = "lay the printed board (`egophys board`) flat beside the object, wholly in view and lit, all the time"
+RECALIBRATE = "calibrate at the setting you film with: `egophys calibrate-camera`, then give --intrinsics"
+NAME_IT = 'take other things off the table, or say which one: --object "x y", pixels of the picture\'s first view'
+MARK_IT = "use an object with a pattern, or put dots, stripes or stickers on it; light from the side helps a knit"
+HANDLE_IT = "handle the object in view: without a hand there is nothing to fit"
+"""What to do differently, said by more than one look at a video."""
+
+
+def rest_first(still_s: float) -> str:
+    """What to do where the object does not rest for so many seconds at first."""
+    return f"do not touch the object for the first {max(still_s, 1):g} to 2 s, and wait until it lies still"
+
 
 class Level(StrEnum):
     """How good something is, the best first."""
@@ -54,3 +66,8 @@ def worst(remarks: Sequence[Remark]) -> Level:
 def verdict_of(remarks: Sequence[Remark]) -> str:
     """`good`, `usable` or `poor`: as its worst remark is."""
     return {Level.OK: "good", Level.DOUBTFUL: "usable", Level.BAD: "poor"}[worst(remarks)]
+
+
+def sentences(remarks: Sequence[Remark], level: Level) -> str:
+    """What is as bad as this and what to do about it, in one text."""
+    return "; ".join(f"{each.text}: {each.advice}" for each in remarks if each.level == level)

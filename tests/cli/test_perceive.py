@@ -58,8 +58,14 @@ def test_writes_episode_pictures_and_report(egophys, perceive, tmp_path):
     assert (code, err) == (0, "")
     assert sorted(os.listdir(tmp_path)) == ["a"]
     assert sorted(os.listdir(tmp_path / "a")) == ["contact_sheet.png", "episode", "overlay.mp4", "report.json"]
-    for part in ("sheet", "note: the hand never takes hold", str(tmp_path / "a")):
+    for part in ("sheet", "note: the hand never takes hold", str(tmp_path / "a"), "12 % │"):
         assert part in out
+    # It ends with the verdict.
+    assert out.splitlines()[-3:] == [
+        "camera: lay the board in view",
+        "hands: touch it",
+        "poor; `egophys build` refuses it without --force",
+    ]
 
     episode, expected = read_episode(tmp_path / "a/episode"), perceived_from(SEEN).episode
     assert episode.points == pytest.approx(expected.points, nan_ok=True)
@@ -75,7 +81,7 @@ def test_writes_episode_pictures_and_report(egophys, perceive, tmp_path):
 def test_bag_holds_overlays_and_points_by_time(egophys, perceive, tmp_path):
     assert egophys("perceive", "some.mcap", "--out", tmp_path / "a")[0] == 0
     topics = {topic.name: topic.messages for topic in list_topics(tmp_path / "a/episode")}
-    assert topics == {OVERLAY_TOPIC: 14, "/object/points": 14, "/controller/points": 14}
+    assert topics == {OVERLAY_TOPIC: 14, "/object/points": 14, "/controller/points": 14, "/perception/report": 1}
     records = list(read_records(tmp_path / "a/episode"))
     times = [record.log_time_ns for record in records]
     assert times == sorted(times)
@@ -97,6 +103,12 @@ def test_report_is_json_with_units_in_its_names(egophys_json, perceive, tmp_path
     assert written["start_stamp_ns"] == START_NS
     assert written["thickness_m"] == pytest.approx(0.008)
     assert written["notes"] == ["the hand never takes hold"]
+    assert written["seconds"] == [
+        {"start_s": 0.0, "coverage": 0.12, "doubtful": 0.5, "confidence": None, "hands": 1, "touching": 0}
+    ]
+    assert [(each["name"], each["level"]) for each in written["remarks"]] == [("camera", "doubtful"), ("hands", "bad")]
+    assert list(written)[-1] == "verdict"
+    assert written["verdict"] == "poor"
     assert written["options"]["spacing"] == 7
     assert written["board"]["tag_side_m"] == 0.06
     assert not any(str(tmp_path) in str(value) for value in written.values())
@@ -223,6 +235,9 @@ def test_shipped_video_from_end_to_end(egophys, short_bag, tmp_path):
     report = json.loads((tmp_path / "a/report.json").read_text())
     assert (report["frames"], report["posed"], report["kind"]) == (20, 20, "sheet")
     assert report["hand_seen"] >= 5
+    assert report["verdict"] != "poor", report["remarks"]
+    assert [each["touching"] for each in report["seconds"]] == [0, 1]
+    assert min(each["coverage"] for each in report["seconds"]) > 0.7
     found, measured = read_episode(tmp_path / "a/episode"), read_episode(POINTS)
     assert found.frames == 20
     for corner in (np.nanmin, np.nanmax):

@@ -7,6 +7,8 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.perceive import Perceived, PerceptionReport
+from egophys_core.perception.remarks import Level, Remark
+from egophys_core.perception.seconds import Second
 from egophys_core.perception.surface.surface_mesh import mesh_of_mask
 from tests.perception.table_scene import CAMERA, Scene, draw, project
 
@@ -81,6 +83,11 @@ def perceived_from(seen: list[Observation], *, noise_m: float = 0.0) -> Perceive
         hand_seen=3,
         grip_frame=-1,
         notes=("the hand never takes hold",),
+        seconds=(Second(start_s=0.0, coverage=0.12, doubtful=0.5, confidence=np.nan, hands=1, touching=0),),
+        remarks=(
+            Remark(name="camera", level=Level.DOUBTFUL, text="pose of a few", advice="lay the board in view"),
+            Remark(name="hands", level=Level.BAD, text="the object never moves with it", advice="touch it"),
+        ),
     )
     return Perceived(episode=episode, start_ns=int(stamps[0]), report=report)
 

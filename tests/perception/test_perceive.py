@@ -165,6 +165,15 @@ class TestGoodVideo:
     def test_thickness_is_the_height_of_its_skin(self, sheet: Run) -> None:
         assert sheet.perceived.report.thickness_m == pytest.approx(0.003, abs=0.0015)
 
+    def test_verdict_is_good(self, sheet: Run) -> None:
+        report = sheet.perceived.report
+        assert report.verdict == "good", report.remarks
+        (second,) = report.seconds
+        assert second.coverage > 0.8
+        assert second.doubtful < 0.1
+        assert second.confidence > 0.8
+        assert (second.hands, second.touching) == (1, 1)
+
     def test_nothing_to_note(self, sheet: Run) -> None:
         assert sheet.perceived.report.notes == ()
         assert sheet.warned == []
@@ -289,6 +298,14 @@ class TestOddScenes:
         assert misjudged.perceived.episode.controllers.shape == (14, 0, 3)
         assert (misjudged.perceived.report.hand_seen, misjudged.perceived.report.grip_frame) == (0, -1)
         assert "no hand was seen" in misjudged.notes
+
+    def test_verdict_says_all_of_that(self, misjudged: Run) -> None:
+        report = misjudged.perceived.report
+        assert report.verdict == "poor"
+        doubted = {each.name: each for each in report.remarks if each.advice}
+        assert set(doubted) == {"lens", "hands"}
+        assert "focal length" in doubted["lens"].text
+        assert [each.touching for each in report.seconds] == [0]
 
     def test_size_that_is_not_the_images_is_an_error(self, tmp_path: Path) -> None:
         with pytest.raises(EpisodeError, match=r"320.*640|640.*320"):

@@ -11,6 +11,7 @@ from egophys_msgs.srv import RebuildTwin
 from egophys_ros_common.qos import latched
 from std_msgs.msg import String
 
+from egophys_core.perception.report_message import REPORT_TOPIC, STRING, report_message
 from egophys_core.recording import SENSOR_QOS, LogWriter, list_topics, read_records
 from egophys_core.replay import ReplayOutcome, replay_log
 from tests.ros.cloth import SEED
@@ -88,10 +89,32 @@ def test_a_video_that_cannot_be_perceived_fails_with_the_reason(start_twin_node,
         assert reason in ended.result.message
 
 
+def test_points_of_a_poor_video_are_refused_with_the_verdict(start_twin_node, client, tmp_path):
+    start_twin_node()
+    bag = tmp_path / "poor"
+    remark = {"name": "rest", "level": "bad", "text": "it never rests", "advice": "do not touch it"}
+    with LogWriter(bag) as log:
+        log.add_topic(REPORT_TOPIC, STRING)
+        log.write(REPORT_TOPIC, report_message({"remarks": [remark]}), 0)
+        for topic in list_topics(POINTS):
+            log.add_topic(topic.name, topic.type, SENSOR_QOS)
+        for record in list(read_records(POINTS))[:9]:
+            log.write(record.topic, record.cdr, record.log_time_ns)
+    # So short that it cannot be fitted where it is forced.
+    for options, reason in (({}, "it never rests: do not touch it"), ({"force": True}, "no hand moves the object")):
+        handle = client.send_goal(BuildTwin, f"{NODE}/build", goal(bag, tmp_path / "a.twin", **options))
+        assert handle.accepted
+        ended = client.result(handle)
+        assert ended.status == GoalStatus.STATUS_ABORTED
+        assert reason in ended.result.message
+        assert ("parameter `force`" in ended.result.message) == (not options)
+
+
 def test_options_of_perception_are_checked_before_the_build(start_twin_node, client, tmp_path):
     start_twin_node()
     for options, reason in (
         ({"source": "film"}, "source must be one of auto, points, video"),
+        ({"force": "yes"}, "force must be of type bool"),
         ({"perception.querys": 300}, "did you mean 'queries'"),
         ({"perception.queries": 3}, "queries must be in 100 .. 20000, got 3"),
         ({"board.rows": 1}, "at least 2 columns, 2 rows"),

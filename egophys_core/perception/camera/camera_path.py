@@ -42,6 +42,8 @@ class CameraPath:
     """Where it lies; None if it is seen in no frame: lengths are then in units of an assumed height of the camera."""
     notes: tuple[str, ...]
     """Sentences for the user: what was inferred, missing or doubtful, with numbers."""
+    lens: str = ""
+    """That of them which speaks against the intrinsics; empty if none does."""
 
     @property
     def scale_is_known(self) -> bool:
@@ -119,8 +121,9 @@ def _path_from_board(video: Video, full: FullView, board: Board, sight: _Sight) 
         matrices[index] = matrix
     carried = int(np.isfinite(matrices).all(axis=(1, 2)).sum()) - len(located)
     track = track_poses(sight.stamps_ns, matrices)
+    lens = _note_of_intrinsics(video, full, board, located)
     notes = (
-        _note_of_intrinsics(video, full, board, located),
+        lens,
         _note_of_gaps(track, len(located), carried, sight.reasons),
         None if table is None else table.note,
         sight.flicker,
@@ -132,6 +135,7 @@ def _path_from_board(video: Video, full: FullView, board: Board, sight: _Sight) 
         turns=upright_turns(full.to_raw_pose(first)),
         board=board if table is None else table.board,
         notes=tuple(note for note in notes if note),
+        lens=lens or "",
     )
 
 

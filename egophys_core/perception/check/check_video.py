@@ -12,7 +12,17 @@ from egophys_core.perception.check.stillness import Stillness, depth_error_m, st
 from egophys_core.perception.check.table_plane import free_table, table_plane
 from egophys_core.perception.check.watching import Watched
 from egophys_core.perception.masks.table_background import has_pose, table_places
-from egophys_core.perception.remarks import Level, Remark, graded
+from egophys_core.perception.remarks import (
+    HANDLE_IT,
+    KEEP_THE_BOARD,
+    MARK_IT,
+    NAME_IT,
+    RECALIBRATE,
+    Level,
+    Remark,
+    graded,
+    rest_first,
+)
 
 _REST_PX = 0.8
 """Pixels: points at rest are seen within this of their places, in the median."""
@@ -107,17 +117,15 @@ def _tags(watched: Watched) -> Remark:
         text = "the board is seen mirrored: in a mirror, or by a camera that mirrors what it films"
         advice = "film with the back camera, and switch off mirroring"
         return Remark(name="tags", level=Level.BAD, text=text, advice=advice)
-    advice = "lay the printed board (`egophys board`) flat beside the object, wholly in view and lit, all the time"
-    return graded("tags", share, ok=0.9, bad=0.2, text=text, advice=advice)
+    return graded("tags", share, ok=0.9, bad=0.2, text=text, advice=KEEP_THE_BOARD)
 
 
 def _camera(watched: Watched) -> list[Remark]:
-    advice = "calibrate at the setting you film with: `egophys calibrate-camera`, then give --intrinsics"
     if watched.camera_is_guessed:
         by = "guessed from the tags" if watched.poses else "guessed"
         focal = watched.camera.matrix[0, 0] * watched.source.width / watched.camera.width
         text = f"no intrinsics are given; a focal length of {focal:.0f} pixels was {by}"
-        return [Remark(name="camera", level=Level.DOUBTFUL, text=text, advice=advice)]
+        return [Remark(name="camera", level=Level.DOUBTFUL, text=text, advice=RECALIBRATE)]
     if not watched.poses:
         return []
     warning = intrinsics_warning(watched.poses)
@@ -126,7 +134,7 @@ def _camera(watched: Watched) -> list[Remark]:
     given, fitting = watched.camera.matrix[0, 0], watched.fitting_focal_px
     off = given / fitting - 1
     if abs(off) < FOCAL_TOLERANCE:
-        return [Remark(name="camera", level=Level.DOUBTFUL, text=warning, advice=advice)]
+        return [Remark(name="camera", level=Level.DOUBTFUL, text=warning, advice=RECALIBRATE)]
     share = watched.source.width / watched.camera.width
     wrong = f"{100 * abs(off):.1f} % too {'long' if off > 0 else 'short'}"
     text = (
@@ -134,7 +142,7 @@ def _camera(watched: Watched) -> list[Remark]:
         "along the view are wrong by as much"
     )
     level = Level.BAD if abs(off) > _WRONG_FOCAL else Level.DOUBTFUL
-    return [Remark(name="camera", level=level, text=text, advice=advice)]
+    return [Remark(name="camera", level=level, text=text, advice=RECALIBRATE)]
 
 
 def _blur(watched: Watched, blur: np.ndarray) -> Remark:
@@ -185,14 +193,11 @@ def _object(watched: Watched) -> Remark:
             for one in found.others[:3]
         )
     if found.warning:
-        advice = (
-            'take other things off the table, or say which one: --object "x y", pixels of the picture\'s first view'
-        )
         return Remark(
             name="object",
             level=Level.DOUBTFUL,
             text=f"{text}; {len(found.others) + 1} things could be it",
-            advice=advice,
+            advice=NAME_IT,
         )
     if cut:
         return Remark(
@@ -207,12 +212,11 @@ def _object(watched: Watched) -> Remark:
 def _texture(followed: np.ndarray, mask: np.ndarray) -> Remark:
     share = np.count_nonzero(followed) / max(np.count_nonzero(mask), 1)
     text = f"{100 * share:.0f} % of the object has a pattern that can be followed"
-    advice = "use an object with a pattern, or put dots, stripes or stickers on it; light from the side helps a knit"
-    return graded("texture", share, ok=0.6, bad=0.25, text=text, advice=advice)
+    return graded("texture", share, ok=0.6, bad=0.25, text=text, advice=MARK_IT)
 
 
 def _rest(still: Stillness | None, still_s: float) -> Remark:
-    advice = f"do not touch the object for the first {max(still_s, 1):g} to 2 s, and wait until it lies still"
+    advice = rest_first(still_s)
     if still is None or not np.isfinite(still.residual_px[1:]).any():
         why = "too few views with a pose of the camera" if still is None else "too few of its points are followed"
         text = f"cannot be told: {why} in the first second"
@@ -264,8 +268,7 @@ def _table(watched: Watched) -> list[Remark]:
 
 def _hands(hands: HandsSeen, watched: Watched, still_s: float) -> list[Remark]:
     if hands.count == 0:
-        advice = "handle the object in view: without a hand there is nothing to fit"
-        return [Remark(name="hands", level=Level.BAD, text="none comes in", advice=advice)]
+        return [Remark(name="hands", level=Level.BAD, text="none comes in", advice=HANDLE_IT)]
     name = "one hand" if hands.count == 1 else "two hands"
     text = f"{name}, from {hands.first_s:.1f} s on"
     advice = f"keep the hands out of view for the first {max(still_s, 1):g} s"

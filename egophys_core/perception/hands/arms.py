@@ -26,7 +26,7 @@ REACH_SHARE = 0.13
 LENGTH_IN_RADII = 2.0
 """Length of a hand that holds or pushes, in halves of its width."""
 
-GRIP_AHEAD = 0.3
+GRIP_AHEAD = 0.5
 """From the middle of the hand towards its tip, in halves of its width: where it holds and pushes."""
 
 

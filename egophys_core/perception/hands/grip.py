@@ -1,11 +1,11 @@
-"""What a hand holds: how the hand moves in the image, and which vertices go along.
+"""Where a hand holds or pushes the object, from view to view.
 
-From view to view a hand moves in the image by a similarity, fitted to the optical flow of its pixels. When the object
-begins to move while the hand is at it, the vertices about the grip are held: from then on they are where the hand
-carries them. Flow drifts, so they are drawn back to where they were beside the middle of the hand.
+A hand holds what it covers when the object begins to move. From then on that place goes along with the hand, which
+moves in the image by a similarity, fitted to the optical flow of its pixels. Flow drifts, so the place is drawn back to
+where it was beside the middle of the hand.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -24,23 +24,26 @@ FLOW_MISS_PX = 1.5
 HAND_IN_RADII = 3.0
 """From the middle of a hand, in halves of its width: what moves with it; the arm behind turns otherwise."""
 
+FEWEST_COVERED = 300
+"""Pixels of the object that a hand covers, from which on their middle tells where it holds."""
+
 HELD_RADIUS_M = 0.025
-"""Metres around the grip within which vertices are held; about a finger and a thumb."""
+"""Metres around the grip: what is held; about a finger and a thumb."""
 
 PULL_BACK = 0.15
 """Share of the drift against the middle of the hand that is taken off in a view."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeldVertices:
-    """Vertices that a hand holds."""
+class Grip:
+    """Where a hand acts on the object, in one view."""
 
-    vertices: np.ndarray
-    """[H] int."""
-    pixels: np.ndarray
-    """[H, 2]: where the hand has carried them."""
+    pixel: np.ndarray
+    """[2] x, y."""
     beside: np.ndarray
-    """[2] pixels: their middle less that of the hand, when it took hold."""
+    """[2] pixels: from the middle of the hand to it, when the contact began."""
+    vertices: np.ndarray
+    """[H] int: vertices of the object that were there then."""
 
 
 def hand_motion(flow: np.ndarray, before: Arm) -> np.ndarray | None:
@@ -67,25 +70,25 @@ def carried(pixels: np.ndarray, motion: np.ndarray) -> np.ndarray:
     return pixels @ motion[:, :2].T + motion[:, 2]
 
 
-def take_hold(vertices: np.ndarray, arm: Arm, focal: float) -> HeldVertices | None:
-    """Vertices about the grip of a hand; None if there are none.
+def take_grip(arm: Arm, surface: np.ndarray, vertices: np.ndarray, focal: float) -> Grip:
+    """Where a hand acts when the object begins to move: the middle of what it covers, or else ahead of its middle.
 
     Args:
-        vertices: [V, 3]: pixels and depth in metres.
-        arm: in the view in which the object begins to move.
+        arm: of the hand.
+        surface: [S, S] bool: where the object is, seen or hidden.
+        vertices: [V, 3] pixels and depth in metres, of the object.
         focal: focal length, pixels.
     """
-    away = np.linalg.norm(vertices[:, :2] - arm.grip, axis=1) * vertices[:, 2] / focal
-    held = np.flatnonzero(away < HELD_RADIUS_M)
-    if not len(held):
-        return None
-    pixels = vertices[held, :2]
-    return HeldVertices(vertices=held, pixels=pixels, beside=pixels.mean(axis=0) - arm.centre)
+    rows, columns = np.nonzero(arm.mask & surface)
+    pixel = np.array([columns.mean(), rows.mean()]) if len(rows) >= FEWEST_COVERED else arm.grip
+    away = np.linalg.norm(vertices[:, :2] - pixel, axis=1) * vertices[:, 2] / focal
+    there = np.flatnonzero(away <= max(HELD_RADIUS_M, float(away.min())))
+    return Grip(pixel=pixel, beside=pixel - arm.centre, vertices=there)
 
 
-def follow(held: HeldVertices, motion: np.ndarray | None, arm: Arm) -> HeldVertices:
-    """What is held in the next view, in which the hand was found."""
-    pixels = held.pixels if motion is None else carried(held.pixels, motion)
-    drift = pixels.mean(axis=0) - (arm.centre + held.beside)
-    share = 1.0 if motion is None else PULL_BACK
-    return HeldVertices(vertices=held.vertices, pixels=pixels - share * drift, beside=held.beside)
+def follow(grip: Grip, motion: np.ndarray | None, arm: Arm) -> Grip:
+    """The grip in the next view, in which the hand was found."""
+    if motion is None:
+        return replace(grip, pixel=arm.centre + grip.beside)
+    pixel = carried(grip.pixel[None], motion)[0]
+    return replace(grip, pixel=pixel - PULL_BACK * (pixel - arm.centre - grip.beside))

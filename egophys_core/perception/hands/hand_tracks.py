@@ -16,9 +16,6 @@ USUAL_HALF_WIDTH_M = 0.042
 RADII = 9
 """Views over which the median of the half width in pixels is taken."""
 
-WIDTH_GAIN = 0.02
-"""How fast the width of a hand is learnt while it holds; at the grip its outline is often half hidden."""
-
 
 class HandTracks:
     """Up to `MOST_HANDS` arms whose hands have been at the object; other things that move are none of them."""
@@ -61,7 +58,6 @@ class HandWidth:
     def __init__(self) -> None:
         """Nothing is known but how wide hands usually are."""
         self._metres = USUAL_HALF_WIDTH_M
-        self._is_learnt = False
         self._radii: list[float] = []
 
     def see(self, arm: Arm) -> None:
@@ -70,10 +66,7 @@ class HandWidth:
 
     def learn(self, depth: float, focal: float) -> None:
         """The hand is at a depth, metres, of which something else tells."""
-        metres = float(np.median(self._radii)) * depth / focal
-        share = WIDTH_GAIN if self._is_learnt else 1.0
-        self._metres = (1 - share) * self._metres + share * metres
-        self._is_learnt = True
+        self._metres = float(np.median(self._radii)) * depth / focal
 
     def depth(self, focal: float) -> float:
         """Metres along the optical axis, by the width; NaN before the hand is seen."""

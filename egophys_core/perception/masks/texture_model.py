@@ -41,7 +41,7 @@ class TextureModel:
         self._share = share if self._share is None else (1 - rate) * self._share + rate * share
 
     def log_likelihood(self, codes: np.ndarray) -> np.ndarray:
-        """[...] float32 for codes [...] of `texture_codes`, less that of any contrast whatever; 0 if nothing is known."""
+        """[...] float32 for codes [...] of `texture_codes`, less that of any contrast; 0 if nothing is known."""
         if self._share is None:
             return np.zeros(codes.shape, np.float32)
         smooth = np.convolve(np.pad(self._share, 1, mode="edge"), [0.25, 0.5, 0.25], mode="valid")

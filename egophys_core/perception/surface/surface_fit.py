@@ -13,7 +13,7 @@ What is minimised over the points X [W, 3], each term over its standard deviatio
 The places that are seen lie on the skin, half a thickness off the middle surface that the vertices stand for.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,9 +40,6 @@ ON_TABLE_M = 0.004
 
 CREASE = 3.0
 """Standard deviations of bending from which on a hinge is rather a crease."""
-
-FAR = 8.0
-"""Standard deviations of a distance from which on it is rather wrong."""
 
 SAMPLES = 12
 """Of the posterior; they give standard deviations to within 12 %."""
@@ -90,18 +87,6 @@ class Correspondences:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Distances:
-    """Depths of vertices along the optical axis of a view."""
-
-    vertices: np.ndarray
-    """[H] int."""
-    depth: float
-    """Metres."""
-    sigma: float
-    """Metres; `FAR` times as far off, the depth is rather taken for wrong."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class FittedSurface:
     """Vertices in one view."""
 
@@ -139,7 +124,6 @@ class SurfaceFitter:
         motion_sigma: np.ndarray,
         iterations: int,
         start: np.ndarray,
-        distances: Sequence[Distances] = (),
     ) -> FittedSurface:
         """Minimise, and estimate how sure the result is.
 
@@ -153,12 +137,11 @@ class SurfaceFitter:
             motion_sigma: [W] metres, of the prediction.
             iterations: of Gauss-Newton.
             start: [W, 3] metres: where the search begins.
-            distances: of groups of vertices whose depth is known in another way.
         """
         positions = start
         for _ in range(iterations):
             jacobian, residuals, diagonal, gradient = self._system(
-                view, correspondences, distances, positions, predicted, motion_sigma
+                view, correspondences, positions, predicted, motion_sigma
             )
             solve = self._factorised(jacobian.T @ jacobian + sparse.diags(diagonal.ravel()))
             positions = positions - solve(jacobian.T @ residuals + gradient.ravel()).reshape(-1, 3)
@@ -176,7 +159,6 @@ class SurfaceFitter:
         self,
         view: View,
         correspondences: Correspondences,
-        distances: Sequence[Distances],
         positions: np.ndarray,
         predicted: np.ndarray,
         motion_sigma: np.ndarray,
@@ -187,7 +169,6 @@ class SurfaceFitter:
             self._length_rows(positions),
             self._bending_rows(positions),
         ]
-        rows += [_distance_rows(view, each, positions) for each in distances]
         blocks, residuals = zip(*rows, strict=True)
         diagonal = np.repeat(1 / motion_sigma[:, None] ** 2, 3, axis=1)
         gradient = diagonal * (positions - predicted)
@@ -281,17 +262,6 @@ class SurfaceFitter:
         # Triangles turn clockwise as the reference view sees them, so their normals point away from it.
         normals = vertex_normals(self.model.mesh.triangles, positions)
         return positions - side * self.model.thickness / 2 * normals
-
-
-def _distance_rows(view: View, distances: Distances, positions: np.ndarray) -> tuple[sparse.csr_matrix, np.ndarray]:
-    axis = view.world_from_camera[:3, 2]
-    vertices = distances.vertices
-    residual = (positions[vertices] - view.world_from_camera[:3, 3]) @ axis - distances.depth
-    scale = 1 / (distances.sigma * np.sqrt(1 + (residual / (FAR * distances.sigma)) ** 2))
-    columns = (3 * vertices[:, None] + np.arange(3)).ravel()
-    values = (scale[:, None] * axis).ravel()
-    shape = (len(vertices), positions.size)
-    return sparse.csr_matrix((values, (np.repeat(np.arange(len(vertices)), 3), columns)), shape=shape), scale * residual
 
 
 def fitter_of(model: SurfaceModel) -> SurfaceFitter:

@@ -8,7 +8,7 @@ import numpy as np
 
 from egophys_core.constants import GRAVITY
 from egophys_core.perception.hands.arms import Arm
-from egophys_core.perception.hands.grip import HeldVertices, follow, hand_motion, take_hold
+from egophys_core.perception.hands.grip import Grip, follow, hand_motion, take_grip
 from egophys_core.perception.hands.hand_tracks import HandWidth
 from egophys_core.perception.masks import silhouette
 from egophys_core.perception.options import ObjectKind
@@ -17,7 +17,7 @@ from egophys_core.perception.surface import feature_search
 from egophys_core.perception.surface.feature_search import Found, RenderedSurface
 from egophys_core.perception.surface.patch_match import even_contrast
 from egophys_core.perception.surface.rest_surface import RestObject
-from egophys_core.perception.surface.surface_fit import Correspondences, Distances, FittedSurface, fitter_of
+from egophys_core.perception.surface.surface_fit import Correspondences, FittedSurface, fitter_of
 from egophys_core.perception.surface.surface_render import project
 
 SHEET_WEIGHT = 0.3
@@ -42,12 +42,6 @@ LEVELS = (2, 1)
 ITERATIONS = 3
 """Of the solver in each round."""
 
-HELD_SIGMA_PX, HELD_DOUBT_PX = 2.0, 15.0
-"""Pixels: of where the hand has carried a vertex."""
-
-HAND_DEPTH_SHARE = 0.05
-"""Of the distance: error of a depth that is told by the width of the hand."""
-
 OUTSIDE_SIGMA_PX, UNCOVERED_SIGMA_PX, OUTLINE_DOUBT_PX = 2.0, 4.0, 20.0
 """Pixels: of vertices outside the outline, and of places inside it that nothing covers."""
 
@@ -60,6 +54,15 @@ MOVED_M = 0.0015
 FEWEST_MOVED = 5
 """Vertices near a hand that must have moved before it is said to have contact."""
 
+SURFACE_DEPTH_SIGMA_M = 0.008
+"""Metres: of the depth of what a hand touches, where it is seen to be."""
+
+WIDTH_DEPTH_SHARE = 0.05
+"""Of the distance: error of a depth that is told by the width of a hand."""
+
+TOUCHING_M = 0.04
+"""Metres from the object, as seen from the camera, beyond which a hand does not touch it."""
+
 NEAR_HAND_M = 0.12
 """Metres from where a hand holds or pushes: vertices that move there are moved by it."""
 
@@ -71,7 +74,7 @@ class HandState:
     pixel: np.ndarray
     """[2] x, y: where it holds or pushes."""
     depth: float
-    """Metres along the optical axis there: by what it holds, else by its width."""
+    """Metres along the optical axis there: by the width of the hand, and by what it touches."""
     has_contact: bool
     """Whether the object has moved under it by now."""
 
@@ -108,8 +111,7 @@ class SurfaceTracker:
         self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._grey = cv2.cvtColor(reference.image, cv2.COLOR_BGR2GRAY)
         self._arms: Mapping[int, Arm] = {}
-        self._held: dict[int, HeldVertices] = {}
-        self._touched: set[int] = set()
+        self._grips: dict[int, Grip] = {}
         self._widths: dict[int, HandWidth] = {}
 
     def next(self, view: View, masks: Masks, arms: Mapping[int, Arm]) -> SurfaceState:
@@ -125,10 +127,9 @@ class SurfaceTracker:
         step_s = abs(view.stamp_ns - self._stamp_ns) * 1e-9
         predicted = self._predicted(self._step_s(view))
         carried = feature_search.follow(self._found, self._evened, evened, masks)
-        distances = self._held_depths(view)
-        fitted, found = self._solve(view, masks, evened, predicted, predicted, carried, distances, LEVELS[0])
+        fitted, found = self._solve(view, masks, evened, predicted, predicted, carried, LEVELS[0])
         for levels in LEVELS[1:]:
-            fitted, found = self._solve(view, masks, evened, predicted, fitted.positions, carried, distances, levels)
+            fitted, found = self._solve(view, masks, evened, predicted, fitted.positions, carried, levels)
 
         right = fitted.residual[: len(found.features)] < MISSED_PX
         wrong = found.features[~right]
@@ -140,9 +141,7 @@ class SurfaceTracker:
         seen = np.zeros(len(self._corners), bool)
         seen[self._found.features] = True
         self._find_contacts(view, seen)
-        return SurfaceState(
-            positions=fitted.positions, sigma=fitted.sigma, seen=seen, hands=self._hand_states(view)
-        )
+        return SurfaceState(positions=fitted.positions, sigma=fitted.sigma, seen=seen, hands=self._hand_states(view))
 
     def silhouette(self, view: View) -> np.ndarray:
         """[S, S] bool: where the surface is expected in the next view, also behind hands."""
@@ -169,7 +168,6 @@ class SurfaceTracker:
         predicted: np.ndarray,
         start: np.ndarray,
         carried: Found,
-        distances: list[Distances],
         levels: int,
     ) -> tuple[FittedSurface, Found]:
         """One round: render at the start, compare, solve. What is found stands first among the correspondences."""
@@ -197,52 +195,44 @@ class SurfaceTracker:
         covered = scene.rendering.silhouette
         parts = [seen, _outline(*silhouette.outliers(vertices, masks), OUTSIDE_SIGMA_PX)]
         parts.append(_outline(*silhouette.uncovered(vertices, covered, masks), UNCOVERED_SIGMA_PX))
-        parts += [
-            _of_vertices(held.vertices, held.pixels, HELD_SIGMA_PX, HELD_DOUBT_PX) for held in self._held.values()
-        ]
         sigma = np.full(len(start), MOTION_SIGMA_M)
-        return fitter.fit(view, _together(parts), predicted, sigma, ITERATIONS, start, distances), found
+        return fitter.fit(view, _together(parts), predicted, sigma, ITERATIONS, start), found
 
     def _follow_hands(self, view: View, arms: Mapping[int, Arm]) -> None:
         """The hands' motion since the view before; what they hold goes along."""
         grey = cv2.cvtColor(view.image, cv2.COLOR_BGR2GRAY)
         for number, arm in arms.items():
             self._widths.setdefault(number, HandWidth()).see(arm)
-        if self._held and self._arms:
+        if self._grips and self._arms:
             flow = self._flow.calc(self._grey, grey, None)
-            for number in self._held.keys() & arms.keys():
+            for number in self._grips.keys() & arms.keys():
                 before = self._arms.get(number)
                 motion = None if before is None else hand_motion(flow, before)
-                self._held[number] = follow(self._held[number], motion, arms[number])
+                self._grips[number] = follow(self._grips[number], motion, arms[number])
         self._grey, self._arms = grey, arms
-
-    def _held_depths(self, view: View) -> list[Distances]:
-        """Depths of what is held, by the widths of the hands."""
-        depths = {number: self._widths[number].depth(view.camera_matrix[0, 0]) for number in self._seen_grips()}
-        return [
-            Distances(vertices=self._held[number].vertices, depth=depth, sigma=HAND_DEPTH_SHARE * depth)
-            for number, depth in depths.items()
-        ]
-
-    def _seen_grips(self) -> list[int]:
-        return [number for number in self._held if number in self._arms]
 
     def _hand_states(self, view: View) -> dict[int, HandState]:
         states = {}
-        focal = view.camera_matrix[0, 0]
         for number, arm in self._arms.items():
-            held, width = self._held.get(number), self._widths[number]
-            pixel, depth = arm.grip, width.depth(focal)
-            if held is not None:
-                places = project(self._positions[held.vertices], view.camera_matrix, view.world_from_camera)
-                pixel, depth = held.pixels.mean(axis=0), float(np.median(places[:, 2]))
-                width.learn(depth, focal)
-            states[number] = HandState(pixel=pixel, depth=depth, has_contact=number in self._touched)
+            grip = self._grips.get(number)
+            pixel, depth = arm.grip, self._widths[number].depth(view.camera_matrix[0, 0])
+            if grip is not None:
+                pixel, depth = grip.pixel, self._depth_of(grip, depth, view)
+            states[number] = HandState(pixel=pixel, depth=depth, has_contact=grip is not None)
         return states
 
+    def _depth_of(self, grip: Grip, by_width: float, view: View) -> float:
+        """Metres: by the width of the hand, and by the surface as far as it is where the hand is seen."""
+        held = project(self._positions[grip.vertices], view.camera_matrix, view.world_from_camera)
+        by_surface = float(np.median(held[:, 2]))
+        apart = np.linalg.norm(held[:, :2].mean(axis=0) - grip.pixel) * by_surface / view.camera_matrix[0, 0]
+        of_surface = 1 / (SURFACE_DEPTH_SIGMA_M**2 + apart**2)
+        of_width = 1 / (WIDTH_DEPTH_SHARE * by_width) ** 2
+        return float((of_surface * by_surface + of_width * by_width) / (of_surface + of_width))
+
     def _find_contacts(self, view: View, seen: np.ndarray) -> None:
-        """A hand near which the object begins to move has contact, and holds what is about its grip."""
-        untouched = [number for number in self._arms if number not in self._touched]
+        """A hand at the object, which begins to move near it, has contact; there its depth is that of the object."""
+        untouched = [number for number in self._arms if number not in self._grips]
         if not untouched:
             return
         model, focal = self._rest.model, view.camera_matrix[0, 0]
@@ -252,14 +242,11 @@ class SurfaceTracker:
         for number in untouched:
             arm = self._arms[number]
             away = np.linalg.norm(places[:, :2] - arm.grip, axis=1) * places[:, 2] / focal
-            if np.count_nonzero(away[moved] < NEAR_HAND_M) < FEWEST_MOVED:
+            if away.min() > TOUCHING_M or np.count_nonzero(away[moved] < NEAR_HAND_M) < FEWEST_MOVED:
                 continue
-            self._touched.add(number)
-            self._widths[number].learn(float(places[away.argmin(), 2]), focal)
-            # The many features of a solid tell its motion better than the few vertices under a hand.
-            held = take_hold(places, arm, focal) if self._rest.kind == ObjectKind.SHEET else None
-            if held is not None:
-                self._held[number] = held
+            surface = self._scene(self._positions, view).rendering.silhouette
+            self._grips[number] = take_grip(arm, surface, places, focal)
+            self._widths[number].learn(float(np.median(places[self._grips[number].vertices, 2])), focal)
 
 
 def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, robust_scale: float) -> Correspondences:

@@ -38,6 +38,7 @@ def episode_source(
     """How recordings become episodes, by the topics of the parameters and the options of `SOURCE_GROUPS`."""
     return EpisodeSource(
         source=choice.source,
+        force=choice.force,
         object_topic=recorded_name(node, "object_topic"),
         controller_topic=recorded_name(node, "controller_topic"),
         perception=perception,

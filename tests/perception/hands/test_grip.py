@@ -8,12 +8,19 @@ from egophys_core.perception.hands.arms import Arm, find_arms
 from egophys_core.perception.hands.grip import carried, follow, hand_motion, take_grip
 from tests.perception.hands.arm_drawing import SIDE, arm_mask, disc
 
+FOCAL = 300.0
 OBJECT = disc((110, 160), 70)
 STAY = np.array([[1.0, 0, 0], [0, 1, 0]])
 
 
 def arm_at(x: int = 190, y: int = 160) -> Arm:
     return find_arms(arm_mask((SIDE - 1, 160), (x, y)), OBJECT)[0]
+
+
+def vertices() -> np.ndarray:
+    """[V, 3] pixels and depth, half a metre away, 5 pixels apart."""
+    grid = np.stack(np.meshgrid(np.arange(40, 181, 5.0), np.arange(100, 221, 5.0)), axis=-1).reshape(-1, 2)
+    return np.column_stack([grid, np.full(len(grid), 0.5)])
 
 
 @pytest.mark.parametrize(
@@ -53,20 +60,24 @@ def test_carried_is_the_similarity() -> None:
 
 def test_a_hand_holds_the_middle_of_what_it_covers() -> None:
     arm = arm_at(160)
-    grip = take_grip(arm, OBJECT)
+    grip = take_grip(arm, OBJECT, vertices(), FOCAL)
     # The object ends at x = 180; the hand's disc of 26 pixels begins at 134.
     assert grip.pixel == pytest.approx([(134 + 180) / 2, 160], abs=2)
     np.testing.assert_allclose(grip.beside, grip.pixel - arm.centre)
+    # A finger and a thumb reach 2 to 3 cm: 12 to 18 pixels at half a metre.
+    away = np.linalg.norm(vertices()[:, :2] - grip.pixel, axis=1)
+    assert set(np.flatnonzero(away < 12)) <= set(grip.vertices)
+    assert away[grip.vertices].max() < 18
 
 
 def test_a_hand_that_hardly_covers_the_object_holds_ahead_of_its_middle() -> None:
     arm = arm_at(210)
-    np.testing.assert_array_equal(take_grip(arm, OBJECT).pixel, arm.grip)
+    np.testing.assert_array_equal(take_grip(arm, OBJECT, vertices(), FOCAL).pixel, arm.grip)
     assert arm.grip[0] < arm.centre[0]
 
 
 def test_the_place_goes_along_with_the_hand() -> None:
-    grip = take_grip(arm_at(), OBJECT)
+    grip = take_grip(arm_at(), OBJECT, vertices(), FOCAL)
     shift = np.array([6.0, 3.0])
     later = follow(grip, np.column_stack([np.eye(2), shift]), arm_at(196, 163))
     np.testing.assert_allclose(later.pixel, grip.pixel + shift, atol=0.5)
@@ -74,13 +85,13 @@ def test_the_place_goes_along_with_the_hand() -> None:
 
 def test_without_a_motion_it_jumps_to_the_hand() -> None:
     arm, there = arm_at(), arm_at(240, 180)
-    grip = take_grip(arm, OBJECT)
+    grip = take_grip(arm, OBJECT, vertices(), FOCAL)
     np.testing.assert_allclose(follow(grip, None, there).pixel - there.centre, grip.pixel - arm.centre)
 
 
 def test_drift_of_the_flow_is_taken_off() -> None:
     arm = arm_at()
-    first = grip = take_grip(arm, OBJECT)
+    first = grip = take_grip(arm, OBJECT, vertices(), FOCAL)
     drifting = STAY + [[0, 0, 0.5], [0, 0, 0.5]]
     for _ in range(60):
         grip = follow(grip, drifting, arm)

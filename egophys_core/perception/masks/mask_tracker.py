@@ -126,7 +126,7 @@ class MaskTracker:
             darker = features[..., 2] < expected.mean[..., 2]
             is_darker, is_brighter = relit & darker, relit & ~darker
             of_rest = np.where(expected.inside, np.maximum(same, other), of_rest)
-        of_rest = of_rest + np.where(is_darker, 0.0, self._rest_texture.log_likelihood(texture)).astype(np.float32)
+        of_rest = of_rest + self._rest_texture.log_likelihood(texture, is_darker)
 
         outside_object = _distance_outside(amodal)
         outside_hand = _distance_outside(last_hand)

@@ -13,6 +13,9 @@ BINS = 12
 GREYS_OF_BIN = 1.5
 """Factor in the deviation of the brightness between one bin and the next, from one grey level on."""
 
+SHADE_BINS = 3
+"""Bins by which the contrast falls in a shadow, at most: light of a third."""
+
 BACKGROUND_SHARE = 0.1
 """Share of a class, 0..1, of any contrast whatever."""
 
@@ -40,10 +43,19 @@ class TextureModel:
         share = np.bincount(codes, minlength=BINS) / len(codes)
         self._share = share if self._share is None else (1 - rate) * self._share + rate * share
 
-    def log_likelihood(self, codes: np.ndarray) -> np.ndarray:
-        """[...] float32 for codes [...] of `texture_codes`, less that of any contrast; 0 if nothing is known."""
+    def log_likelihood(self, codes: np.ndarray, in_shade: np.ndarray | None = None) -> np.ndarray:
+        """[...] float32 for codes [...] of `texture_codes`, less that of any contrast; 0 if nothing is known.
+
+        Args:
+            codes: bins.
+            in_shade: [...] bool: where the class may be seen with less light, and so with less contrast.
+        """
         if self._share is None:
             return np.zeros(codes.shape, np.float32)
         smooth = np.convolve(np.pad(self._share, 1, mode="edge"), [0.25, 0.5, 0.25], mode="valid")
-        likelihood = (1 - BACKGROUND_SHARE) * smooth + BACKGROUND_SHARE / BINS
-        return np.take(np.log(BINS * likelihood).astype(np.float32), codes)
+        table = np.log(BINS * ((1 - BACKGROUND_SHARE) * smooth + BACKGROUND_SHARE / BINS)).astype(np.float32)
+        found = np.take(table, codes)
+        if in_shade is None:
+            return found
+        brighter = [np.take(table, np.minimum(codes + bins, BINS - 1)) for bins in range(1, SHADE_BINS + 1)]
+        return np.where(in_shade, np.maximum.reduce([found, *brighter]), found)

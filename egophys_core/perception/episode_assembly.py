@@ -10,7 +10,6 @@ from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
 from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
-from egophys_core.perception.hands.hand_tracks import MOST_HANDS
 from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
 from egophys_core.perception.stages import View
@@ -79,7 +78,7 @@ class EpisodeAssembly:
         points, confidence = self._completed(points[:, kept], confidence[:, kept], ground_height)
         confidence[~np.isfinite(points).all(axis=2)] = 0.0
         paths = hand_paths(self._hands, self._cameras)
-        around = ball(max(self.options.controllers // MOST_HANDS, 1))
+        around = ball(max(self.options.controllers // max(len(paths), 1), 1))
         hands = np.concatenate(
             [np.zeros((len(points), 0, 3)), *(path[:, None] + around for path in paths.values())], axis=1
         )

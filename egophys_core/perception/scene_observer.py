@@ -7,7 +7,7 @@ import numpy as np
 
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.board import Board
-from egophys_core.perception.hands.arms import Arm
+from egophys_core.perception.hands.arms import SeenArm
 from egophys_core.perception.hands.hand_points import at_depth, ball
 from egophys_core.perception.hands.hand_tracks import MOST_HANDS, HandTracks
 from egophys_core.perception.masks.colour_model import is_black
@@ -31,7 +31,7 @@ class _Seen:
 
     view: View
     masks: Masks
-    arms: Mapping[int, Arm]
+    arms: Mapping[int, SeenArm]
 
 
 class SceneObserver:

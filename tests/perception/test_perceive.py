@@ -139,7 +139,7 @@ class TestGoodVideo:
         assert episode.points.shape[0] == len(sheet.frames)
         assert episode.points.shape[1] <= OPTIONS.object_points
         # One hand is seen, of two that there may be.
-        assert episode.controllers.shape[:2] == (len(sheet.frames), OPTIONS.controllers // 2)
+        assert episode.controllers.shape[:2] == (len(sheet.frames), OPTIONS.controllers)
         assert np.isfinite(episode.controllers).all()
         assert np.isfinite(episode.points[episode.confidence >= OPTIONS.least_confidence]).all()
         assert (report.frames, report.posed, report.pose_inferred, report.kind) == (45, 45, 0, "sheet")
@@ -217,7 +217,7 @@ class TestSpoiltVideo:
         assert spoiled.error(index).mean() < 0.004
 
     def test_controllers_are_complete(self, spoiled: Run) -> None:
-        assert spoiled.perceived.episode.controllers.shape[1] == OPTIONS.controllers // 2
+        assert spoiled.perceived.episode.controllers.shape[1] == OPTIONS.controllers
         assert np.isfinite(spoiled.perceived.episode.controllers).all()
 
 

@@ -31,7 +31,7 @@ GRIP_AHEAD = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arm:
+class SeenArm:
     """One arm in a view."""
 
     mask: np.ndarray
@@ -44,7 +44,7 @@ class Arm:
     """Pixels: half of the width of the hand."""
 
 
-def find_arms(hand: np.ndarray, surface: np.ndarray) -> list[Arm]:
+def find_arms(hand: np.ndarray, surface: np.ndarray) -> list[SeenArm]:
     """The arms in a mask.
 
     Args:
@@ -86,7 +86,7 @@ def _split(part: np.ndarray) -> list[tuple[np.ndarray, np.ndarray | None]]:
     return list(zip(masks, middles, strict=True))
 
 
-def _arm(mask: np.ndarray, entry: np.ndarray | None, goal: np.ndarray) -> Arm | None:
+def _arm(mask: np.ndarray, entry: np.ndarray | None, goal: np.ndarray) -> SeenArm | None:
     rows, columns = np.nonzero(mask)
     if len(rows) < FEWEST_PIXELS:
         return None
@@ -102,10 +102,10 @@ def _arm(mask: np.ndarray, entry: np.ndarray | None, goal: np.ndarray) -> Arm | 
     centre = pixels[from_tip < LENGTH_IN_RADII * radius].mean(axis=0)
     away = tip - centre
     forward = away / max(float(np.linalg.norm(away)), 1e-9)
-    return Arm(mask=mask, centre=centre, grip=centre + GRIP_AHEAD * radius * forward, radius=radius)
+    return SeenArm(mask=mask, centre=centre, grip=centre + GRIP_AHEAD * radius * forward, radius=radius)
 
 
-def is_near(arm: Arm, surface: np.ndarray) -> bool:
+def is_near(arm: SeenArm, surface: np.ndarray) -> bool:
     """Whether the hand of an arm may touch the object, whose silhouette is [S, S] bool."""
     reach = int(arm.radius)
     widened = cv2.dilate(surface.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)) > 0

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from egophys_core.perception.hands.arms import Arm
+from egophys_core.perception.hands.arms import SeenArm
 
 FEWEST_PIXELS = 60
 """Of a hand, to fit a motion to."""
@@ -46,7 +46,7 @@ class Grip:
     """[H] int: vertices of the object that were there then."""
 
 
-def hand_motion(flow: np.ndarray, before: Arm) -> np.ndarray | None:
+def hand_motion(flow: np.ndarray, before: SeenArm) -> np.ndarray | None:
     """[2, 3] similarity that moves a hand's pixels from one view to the next; None if there is too little to see.
 
     Args:
@@ -70,7 +70,7 @@ def carried(pixels: np.ndarray, motion: np.ndarray) -> np.ndarray:
     return pixels @ motion[:, :2].T + motion[:, 2]
 
 
-def take_grip(arm: Arm, surface: np.ndarray, vertices: np.ndarray, focal: float) -> Grip:
+def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: float) -> Grip:
     """Where a hand acts when the object begins to move: the middle of what it covers, or else ahead of its middle.
 
     Args:
@@ -86,7 +86,7 @@ def take_grip(arm: Arm, surface: np.ndarray, vertices: np.ndarray, focal: float)
     return Grip(pixel=pixel, beside=pixel - arm.centre, vertices=there)
 
 
-def follow(grip: Grip, motion: np.ndarray | None, arm: Arm) -> Grip:
+def follow(grip: Grip, motion: np.ndarray | None, arm: SeenArm) -> Grip:
     """The grip in the next view, in which the hand was found."""
     if motion is None:
         return replace(grip, pixel=arm.centre + grip.beside)

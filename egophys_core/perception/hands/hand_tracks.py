@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from egophys_core.perception.hands.arms import Arm, find_arms, is_near
+from egophys_core.perception.hands.arms import SeenArm, find_arms, is_near
 
 MOST_HANDS = 2
 """Of one person."""
@@ -24,7 +24,7 @@ class HandTracks:
         """No hand has been at the object."""
         self._centres: dict[int, np.ndarray] = {}
 
-    def next(self, hand: np.ndarray, surface: np.ndarray) -> dict[int, Arm]:
+    def next(self, hand: np.ndarray, surface: np.ndarray) -> dict[int, SeenArm]:
         """Arms of the hands in the next view, by the hand's number.
 
         Args:
@@ -32,7 +32,7 @@ class HandTracks:
             surface: [S, S] bool, where the object is, seen or hidden.
         """
         arms = find_arms(hand, surface)
-        found: dict[int, Arm] = {}
+        found: dict[int, SeenArm] = {}
         pairs = sorted(
             (float(np.linalg.norm(arm.centre - centre)), number, index)
             for number, centre in self._centres.items()
@@ -60,7 +60,7 @@ class HandWidth:
         self._metres = USUAL_HALF_WIDTH_M
         self._radii: list[float] = []
 
-    def see(self, arm: Arm) -> None:
+    def see(self, arm: SeenArm) -> None:
         """Take the width in the next view."""
         self._radii = [*self._radii[1 - RADII :], arm.radius]
 

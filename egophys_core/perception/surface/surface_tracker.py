@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from egophys_core.constants import GRAVITY
-from egophys_core.perception.hands.arms import Arm
+from egophys_core.perception.hands.arms import SeenArm
 from egophys_core.perception.hands.grip import Grip, follow, hand_motion, take_grip
 from egophys_core.perception.hands.hand_tracks import HandWidth
 from egophys_core.perception.masks import silhouette
@@ -110,11 +110,11 @@ class SurfaceTracker:
         )
         self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._grey = cv2.cvtColor(reference.image, cv2.COLOR_BGR2GRAY)
-        self._arms: Mapping[int, Arm] = {}
+        self._arms: Mapping[int, SeenArm] = {}
         self._grips: dict[int, Grip] = {}
         self._widths: dict[int, HandWidth] = {}
 
-    def next(self, view: View, masks: Masks, arms: Mapping[int, Arm]) -> SurfaceState:
+    def next(self, view: View, masks: Masks, arms: Mapping[int, SeenArm]) -> SurfaceState:
         """Solve for the surface in the next view.
 
         Args:
@@ -198,7 +198,7 @@ class SurfaceTracker:
         sigma = np.full(len(start), MOTION_SIGMA_M)
         return fitter.fit(view, _together(parts), predicted, sigma, ITERATIONS, start), found
 
-    def _follow_hands(self, view: View, arms: Mapping[int, Arm]) -> None:
+    def _follow_hands(self, view: View, arms: Mapping[int, SeenArm]) -> None:
         """The hands' motion since the view before; what they hold goes along."""
         grey = cv2.cvtColor(view.image, cv2.COLOR_BGR2GRAY)
         for number, arm in arms.items():

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from egophys_core.perception.hands.arms import Arm, find_arms
+from egophys_core.perception.hands.arms import SeenArm, find_arms
 from egophys_core.perception.hands.grip import carried, follow, hand_motion, take_grip
 from tests.perception.hands.arm_drawing import SIDE, arm_mask, disc
 
@@ -13,7 +13,7 @@ OBJECT = disc((110, 160), 70)
 STAY = np.array([[1.0, 0, 0], [0, 1, 0]])
 
 
-def arm_at(x: int = 190, y: int = 160) -> Arm:
+def arm_at(x: int = 190, y: int = 160) -> SeenArm:
     return find_arms(arm_mask((SIDE - 1, 160), (x, y)), OBJECT)[0]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from egophys_core.perception.hands.arms import Arm, find_arms
+from egophys_core.perception.hands.arms import SeenArm, find_arms
 from egophys_core.perception.hands.hand_tracks import HandTracks, HandWidth
 from tests.perception.hands.arm_drawing import SIDE, arm_mask, disc, together
 
@@ -74,7 +74,7 @@ def test_a_hand_that_has_been_at_the_object_is_followed_away_from_it() -> None:
     assert found[0].centre[0] > 280
 
 
-def arm_of_radius(radius: int) -> Arm:
+def arm_of_radius(radius: int) -> SeenArm:
     return find_arms(arm_mask((LAST, 160), (200, 160), radius=radius, half_width=14), OBJECT)[0]
 
 

@@ -131,7 +131,7 @@ def test_two_hands_are_two_groups_from_the_first_contact_on() -> None:
 
 
 def test_a_hand_that_never_touches_has_no_controllers() -> None:
-    assert assembled(seen(grips=(None, 3))).episode("drawn", 0.0).controllers.shape == (10, 4, 3)
+    assert assembled(seen(grips=(None, 3))).episode("drawn", 0.0).controllers.shape == (10, 8, 3)
     nobody = assembled(seen(grips=(None,)))
     assert nobody.grip_frame == -1
     assert nobody.episode("drawn", 0.0).controllers.shape == (10, 0, 3)

@@ -35,7 +35,7 @@ PULL_BACK = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grip:
+class HandGrip:
     """Where a hand acts on the object, in one view."""
 
     pixel: np.ndarray
@@ -70,7 +70,7 @@ def carried(pixels: np.ndarray, motion: np.ndarray) -> np.ndarray:
     return pixels @ motion[:, :2].T + motion[:, 2]
 
 
-def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: float) -> Grip:
+def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: float) -> HandGrip:
     """Where a hand acts when the object begins to move: the middle of what it covers, or else ahead of its middle.
 
     Args:
@@ -83,10 +83,10 @@ def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: fl
     pixel = np.array([columns.mean(), rows.mean()]) if len(rows) >= FEWEST_COVERED else arm.grip
     away = np.linalg.norm(vertices[:, :2] - pixel, axis=1) * vertices[:, 2] / focal
     there = np.flatnonzero(away <= max(HELD_RADIUS_M, float(away.min())))
-    return Grip(pixel=pixel, beside=pixel - arm.centre, vertices=there)
+    return HandGrip(pixel=pixel, beside=pixel - arm.centre, vertices=there)
 
 
-def follow(grip: Grip, motion: np.ndarray | None, arm: SeenArm) -> Grip:
+def follow(grip: HandGrip, motion: np.ndarray | None, arm: SeenArm) -> HandGrip:
     """The grip in the next view, in which the hand was found."""
     if motion is None:
         return replace(grip, pixel=arm.centre + grip.beside)

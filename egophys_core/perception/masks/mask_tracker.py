@@ -126,7 +126,9 @@ class MaskTracker:
             darker = features[..., 2] < expected.mean[..., 2]
             is_darker, is_brighter = relit & darker, relit & ~darker
             of_rest = np.where(expected.inside, np.maximum(same, other), of_rest)
-        of_rest = of_rest + self._rest_texture.log_likelihood(texture, is_darker)
+        # A shadow has less contrast, which must not make it a hand; but a first hand may come darker than the table.
+        rest_texture = self._rest_texture.log_likelihood(texture, is_darker)
+        of_rest = of_rest + np.where(is_darker & ~self._hand_colours.known, np.float32(0.0), rest_texture)
 
         outside_object = _distance_outside(amodal)
         outside_hand = _distance_outside(last_hand)

@@ -8,7 +8,7 @@ import numpy as np
 
 from egophys_core.constants import GRAVITY
 from egophys_core.perception.hands.arms import SeenArm
-from egophys_core.perception.hands.grip import Grip, follow, hand_motion, take_grip
+from egophys_core.perception.hands.grip import HandGrip, follow, hand_motion, take_grip
 from egophys_core.perception.hands.hand_tracks import HandWidth
 from egophys_core.perception.masks import silhouette
 from egophys_core.perception.options import ObjectKind
@@ -111,7 +111,7 @@ class SurfaceTracker:
         self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._grey = cv2.cvtColor(reference.image, cv2.COLOR_BGR2GRAY)
         self._arms: Mapping[int, SeenArm] = {}
-        self._grips: dict[int, Grip] = {}
+        self._grips: dict[int, HandGrip] = {}
         self._widths: dict[int, HandWidth] = {}
 
     def next(self, view: View, masks: Masks, arms: Mapping[int, SeenArm]) -> SurfaceState:
@@ -221,7 +221,7 @@ class SurfaceTracker:
             states[number] = HandState(pixel=pixel, depth=depth, has_contact=grip is not None)
         return states
 
-    def _depth_of(self, grip: Grip, by_width: float, view: View) -> float:
+    def _depth_of(self, grip: HandGrip, by_width: float, view: View) -> float:
         """Metres: by the width of the hand, and by the surface as far as it is where the hand is seen."""
         held = project(self._positions[grip.vertices], view.camera_matrix, view.world_from_camera)
         by_surface = float(np.median(held[:, 2]))

@@ -10,7 +10,7 @@ from benchmarks.hostile_plans import unsafe_commands
 from benchmarks.unsafe import measure
 
 DOWN = [math.pi, 0.0, 0.0]
-COUNT = 100
+COUNT = 60
 
 
 def test_no_plan_is_unsafe_on_the_wire():

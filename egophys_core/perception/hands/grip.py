@@ -27,6 +27,9 @@ HAND_IN_RADII = 3.0
 FEWEST_COVERED = 300
 """Pixels of the object that a hand covers, from which on their middle tells where it holds."""
 
+HELD_SHARE = 0.15
+"""Share of the hand's disc that covers the object where it holds it: 0.3 to 0.6 in holds, 0.05 in a push."""
+
 HELD_RADIUS_M = 0.025
 """Metres around the grip: what is held; about a finger and a thumb."""
 
@@ -43,7 +46,7 @@ class HandGrip:
     beside: np.ndarray
     """[2] pixels: from the middle of the hand to it, when the contact began."""
     vertices: np.ndarray
-    """[H] int: vertices of the object that were there then."""
+    """[H] int: vertices of the object that were there then; none of a hand that pushes, which covers nothing."""
 
 
 def hand_motion(flow: np.ndarray, before: SeenArm) -> np.ndarray | None:
@@ -82,7 +85,8 @@ def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: fl
     rows, columns = np.nonzero(arm.mask & surface)
     pixel = np.array([columns.mean(), rows.mean()]) if len(rows) >= FEWEST_COVERED else arm.grip
     away = np.linalg.norm(vertices[:, :2] - pixel, axis=1) * vertices[:, 2] / focal
-    there = np.flatnonzero(away <= max(HELD_RADIUS_M, float(away.min())))
+    is_held = len(rows) >= HELD_SHARE * np.pi * arm.radius**2
+    there = np.flatnonzero(is_held & (away <= max(HELD_RADIUS_M, float(away.min()))))
     return HandGrip(pixel=pixel, beside=pixel - arm.centre, vertices=there)
 
 

@@ -223,6 +223,8 @@ class SurfaceTracker:
 
     def _depth_of(self, grip: HandGrip, by_width: float, view: View) -> float:
         """Metres: by the width of the hand, and by the surface as far as it is where the hand is seen."""
+        if not len(grip.vertices):
+            return by_width
         held = project(self._positions[grip.vertices], view.camera_matrix, view.world_from_camera)
         by_surface = float(np.median(held[:, 2]))
         apart = np.linalg.norm(held[:, :2].mean(axis=0) - grip.pixel) * by_surface / view.camera_matrix[0, 0]
@@ -245,8 +247,11 @@ class SurfaceTracker:
             if away.min() > TOUCHING_M or np.count_nonzero(away[moved] < NEAR_HAND_M) < FEWEST_MOVED:
                 continue
             surface = self._scene(self._positions, view).rendering.silhouette
-            self._grips[number] = take_grip(arm, surface, places, focal)
-            self._widths[number].learn(float(np.median(places[self._grips[number].vertices, 2])), focal)
+            grip = take_grip(arm, surface, places, focal)
+            nearest = np.linalg.norm(places[:, :2] - grip.pixel, axis=1).argmin()
+            touched = grip.vertices if len(grip.vertices) else [nearest]
+            self._grips[number] = grip
+            self._widths[number].learn(float(np.median(places[touched, 2])), focal)
 
 
 def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, robust_scale: float) -> Correspondences:

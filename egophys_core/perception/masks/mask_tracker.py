@@ -79,13 +79,13 @@ class MaskTracker:
         self._object = object_mask.copy()
         self._hand = np.zeros_like(object_mask)
         image = cv2.GaussianBlur(first_view.image, (0, 0), _NOISE_BLUR)
-        codes = colour_codes(image)
+        codes, texture = colour_codes(image), texture_codes(image)
         inner = cv2.erode(object_mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         self._object_colours.learn(codes[inner if inner.any() else object_mask])
-        self._object_texture.learn(texture_codes(image)[inner if inner.any() else object_mask])
+        self._object_texture.learn(texture[inner if inner.any() else object_mask])
         outer = cv2.dilate(object_mask.astype(np.uint8), np.ones((7, 7), np.uint8)) == 0
         self._rest_colours.learn(codes[outer])
-        self._rest_texture.learn(texture_codes(image)[outer])
+        self._rest_texture.learn(texture[outer])
         self._level = float(np.median(self._grey[outer])) if outer.any() else float(np.median(self._grey))
         if has_pose(first_view):
             y, x = np.nonzero(object_mask)

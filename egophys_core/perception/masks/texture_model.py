@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 
+from egophys_core.perception.local_contrast import local_contrast
+
 FINE_PX = 1.5
 """Pixels over which contrast is looked at."""
 
@@ -22,9 +24,7 @@ BACKGROUND_SHARE = 0.1
 
 def texture_codes(image: np.ndarray) -> np.ndarray:
     """[H, W] int32, bins of the local contrast of a BGR image [H, W, 3] uint8."""
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    apart = grey - cv2.GaussianBlur(grey, (0, 0), FINE_PX)
-    deviation = np.sqrt(cv2.GaussianBlur(apart * apart, (0, 0), FINE_PX))
+    deviation = local_contrast(image, FINE_PX)[1]
     broad = cv2.morphologyEx(deviation, cv2.MORPH_OPEN, np.ones((RIM_PX, RIM_PX), np.uint8))
     return np.clip(np.log(np.maximum(broad, 1.0)) / np.log(GREYS_OF_BIN), 0, BINS - 1).astype(np.int32)
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from egophys_core.perception.local_contrast import local_contrast
+
 WINDOW = 15
 """Pixels: side of a patch."""
 
@@ -33,10 +35,7 @@ class Matches:
 
 def even_contrast(image: np.ndarray) -> np.ndarray:
     """[H, W] uint8 of a BGR image: less its local mean, over its local deviation; shading and exposure drop out."""
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    mean = cv2.GaussianBlur(grey, (0, 0), CONTRAST_SIGMA)
-    apart = grey - mean
-    deviation = np.sqrt(cv2.GaussianBlur(apart * apart, (0, 0), CONTRAST_SIGMA))
+    apart, deviation = local_contrast(image, CONTRAST_SIGMA)
     return np.clip(128 + 48 * apart / (deviation + FEWEST_GREYS), 0, 255).astype(np.uint8)
 
 

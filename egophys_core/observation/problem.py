@@ -9,6 +9,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.evaluation import bind_tracks, split_frames
 from egophys_core.observation.contact import Hand
+from egophys_core.observation.driving import controls_of
 from egophys_core.observation.hand_scene import NEAR_HAND
 from egophys_core.observation.observed import AnyEpisode, observe_episode
 from egophys_core.observation.registration import place, placed
@@ -97,7 +98,7 @@ def prepare(episode: AnyEpisode, positions: np.ndarray, surface: np.ndarray, *, 
         hands=hands,
         start=start,
         bound=bind_tracks(episode.points[0], start[surface]),
-        controls=Controls(times=episode.times, positions=episode.controllers, contact=observed.contact),
+        controls=controls_of(episode, hands),
     )
 
 

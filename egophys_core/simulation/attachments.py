@@ -1,11 +1,10 @@
-"""Springs between controller points and the nodes they hold or press (paper, App. B.2)."""
+"""What controller points do to an object: springs to the nodes they hold (paper, App. B.2), how far they press."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from egophys_core.simulation.controls import ContactKind
-from egophys_core.simulation.terms.springs import UNLIMITED
 
 FEWEST_NEIGHBOURS = 5
 """K_min: with fewer nodes within the radius a controller point of a flat object also takes its nearest ones."""
@@ -16,28 +15,34 @@ LEAST_CUTOFF = 0.15
 
 @dataclass(frozen=True, kw_only=True)
 class Attachments:
-    """Controller springs of one rollout."""
+    """The contacts of one rollout: the springs of points that hold; of each that presses the node that it touches."""
 
     nodes: np.ndarray
     """[A] int32."""
     controllers: np.ndarray
     """[A] int32, index of the controller point."""
     rest_lengths: np.ndarray
-    """[A] float32, metres: the distance when the contact began, so force comes from motion alone."""
-    longest_extensions: np.ndarray
-    """[A] float32, metres: `UNLIMITED` for a hold, 0 for a press, which does not pull."""
+    """[A] float32, metres: the distance when the contact began, so force comes from motion alone. A point that presses
+    pushes whatever comes nearer than that."""
+    kinds: np.ndarray
+    """[A] uint8, `ContactKind`."""
 
-    def identities(self) -> list[tuple[int, int, float]]:
-        """Node, controller and longest extension of each spring: a press that becomes a hold is another contact."""
-        return list(zip(self.nodes.tolist(), self.controllers.tolist(), self.longest_extensions.tolist(), strict=True))
+    @property
+    def holds(self) -> np.ndarray:
+        """[A] bool: whether it is a spring, and not the nearest node of a point that presses."""
+        return np.asarray(self.kinds == ContactKind.HOLD)
+
+    def identities(self) -> list[tuple[int, int, int]]:
+        """Node, controller and kind of each: a press that becomes a hold is another contact."""
+        return list(zip(self.nodes.tolist(), self.controllers.tolist(), self.kinds.tolist(), strict=True))
 
     def of_controllers(self, keep: np.ndarray) -> "Attachments":
-        """Only the springs of controllers where `keep` [C] is True."""
+        """Only the contacts of controllers where `keep` [C] is True."""
         kept = keep[self.controllers]
         return Attachments(**{name: values[kept] for name, values in vars(self).items()})
 
     def joined(self, other: "Attachments") -> "Attachments":
-        """The springs of both."""
+        """The contacts of both."""
         return Attachments(
             **{name: np.concatenate([values, getattr(other, name)]) for name, values in vars(self).items()}
         )
@@ -47,7 +52,7 @@ NOTHING_HELD = Attachments(
     nodes=np.zeros(0, np.int32),
     controllers=np.zeros(0, np.int32),
     rest_lengths=np.zeros(0, np.float32),
-    longest_extensions=np.zeros(0, np.float32),
+    kinds=np.zeros(0, np.uint8),
 )
 
 
@@ -60,10 +65,10 @@ def attach(
     max_neighbours: int,
     flat: bool,
 ) -> Attachments:
-    """Controller springs made when some controller points begin to hold or press.
+    """What begins when some controller points begin to hold or press: these touch the node that is nearest.
 
-    Each point takes its nearest `max_neighbours` nodes within `radius`. A point of a flat object that finds fewer
-    than K_min there takes its K_min nearest within max(2.5 radius, 0.15 m). For a solid that fallback is used
+    A point that holds takes its nearest `max_neighbours` nodes within `radius`. A point of a flat object that finds
+    fewer than K_min there takes its K_min nearest within max(2.5 radius, 0.15 m). For a solid that fallback is used
     only if no point found any node, to avoid springs across the object.
 
     Args:
@@ -82,10 +87,12 @@ def attach(
     if flat or not held.any():
         near = distances <= max(2.5 * radius, LEAST_CUTOFF)
         held |= lacking[:, None] & near & (rank < min(FEWEST_NEIGHBOURS, max_neighbours))
+    presses = begins[taking] == ContactKind.PRESS
+    held = np.where(presses[:, None], rank == 0, held)
     row, node = np.nonzero(held)
     return Attachments(
         nodes=node.astype(np.int32),
         controllers=taking[row].astype(np.int32),
         rest_lengths=distances[row, node].astype(np.float32),
-        longest_extensions=np.where(begins[taking[row]] == ContactKind.HOLD, UNLIMITED, 0.0).astype(np.float32),
+        kinds=begins[taking[row]].astype(np.uint8),
     )

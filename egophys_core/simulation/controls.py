@@ -15,7 +15,7 @@ class ContactKind(IntEnum):
     HOLD = 1
     """Pulls and pushes the nodes it took hold of."""
     PRESS = 2
-    """Pushes the nodes that were near when the contact began, and never pulls."""
+    """Pushes what comes nearer to it than the nearest node was when the contact began, and never pulls."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,10 +12,14 @@ from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.substep import SubstepArrays
 from egophys_core.simulation.terms.controllers import ControllerArrays
 from egophys_core.simulation.terms.nudging import NudgingArrays
-from egophys_core.simulation.terms.springs import SpringArrays
+from egophys_core.simulation.terms.presses import PressArrays
+from egophys_core.simulation.terms.springs import UNLIMITED, SpringArrays
 
 SPRING_NAMES = ("stiffness", "damping", "rest_lengths", "longest_extensions")
 """Numbers of a spring: fields of `SpringArrays` and of `RolloutBatch`."""
+
+FIRMNESS = 10.0
+"""Stiffness and dashpot of a press over those of a spring: about as many keep a node in its place in the body."""
 
 MOTION_NAMES = ("start_positions", "end_positions", "start_velocities", "end_velocities")
 """Fields of `ControllerArrays`."""
@@ -55,24 +59,48 @@ def spring_arrays(batch: RolloutBatch, device: str, *, requires_grad: bool = Fal
 def grip_arrays(
     batch: RolloutBatch, attachments: Sequence[Attachments], device: str, *, requires_grad: bool = False
 ) -> tuple[SpringArrays, list[np.ndarray]]:
-    """Controller springs of all rollouts, and per rollout where its own stand among them."""
+    """Springs of the holds of all rollouts, and per rollout where its own stand among them."""
     nodes, controllers = batch.positions.shape[1], batch.controls[0].positions.shape[1]
-    codes = [held.nodes.astype(np.int64) * max(controllers, 1) + held.controllers for held in attachments]
+    codes = [
+        held.nodes[held.holds].astype(np.int64) * max(controllers, 1) + held.controllers[held.holds]
+        for held in attachments
+    ]
     union = np.unique(np.concatenate(codes))
     columns = [np.searchsorted(union, code) for code in codes]
     values = {
-        name: np.zeros((batch.count, len(union)), np.float32) for name in ("stiffness", "damping", "longest_extensions")
+        name: np.full((batch.count, len(union)), value, np.float32)
+        for name, value in zip(SPRING_NAMES, (0.0, 0.0, 1.0, UNLIMITED), strict=True)
     }
-    values["rest_lengths"] = np.ones((batch.count, len(union)), np.float32)
     for row, (held, column) in enumerate(zip(attachments, columns, strict=True)):
         values["stiffness"][row, column] = batch.parameters[row].controller_stiffness
         values["damping"][row, column] = batch.parameters[row].damping
-        values["rest_lengths"][row, column] = held.rest_lengths
-        values["longest_extensions"][row, column] = held.longest_extensions
+        values["rest_lengths"][row, column] = held.rest_lengths[held.holds]
     first, controller = union // max(controllers, 1), union % max(controllers, 1)
     arrays = _rows(first, nodes + controller, nodes, device)
     for name, value in values.items():
         setattr(arrays, name, lanes_array(value, device, requires_grad=requires_grad))
+    return arrays, columns
+
+
+def press_arrays(
+    batch: RolloutBatch, attachments: Sequence[Attachments], device: str, *, requires_grad: bool = False
+) -> tuple[PressArrays, list[np.ndarray]]:
+    """The presses of all rollouts, and per rollout where its own stand among them."""
+    pressing = [held.controllers[~held.holds] for held in attachments]
+    union = np.unique(np.concatenate(pressing))
+    columns = [np.searchsorted(union, controllers) for controllers in pressing]
+    reaches = np.zeros((batch.count, len(union)), np.float32)
+    for row, (held, column) in enumerate(zip(attachments, columns, strict=True)):
+        reaches[row, column] = held.rest_lengths[~held.holds]
+    arrays = PressArrays()
+    arrays.count = len(union)
+    arrays.controllers = wp.array(union.astype(np.int32), dtype=int, device=device)
+    arrays.reaches = lanes_array(reaches, device, requires_grad=requires_grad)
+    for name, values in (
+        ("stiffness", [FIRMNESS * each.controller_stiffness for each in batch.parameters]),
+        ("damping", [FIRMNESS * each.damping for each in batch.parameters]),
+    ):
+        setattr(arrays, name, lanes_array(np.array(values, np.float32), device, requires_grad=requires_grad))
     return arrays, columns
 
 

@@ -15,11 +15,13 @@ from egophys_core.simulation.collision.collision_pairs import PairFinder
 from egophys_core.simulation.collision.self_collision import PairArrays
 from egophys_core.simulation.controls import ContactKind
 from egophys_core.simulation.device_arrays import (
+    FIRMNESS,
     controller_arrays,
     frame_arrays,
     grip_arrays,
     nudging_arrays,
     parameter_arrays,
+    press_arrays,
     spring_arrays,
     state_arrays,
 )
@@ -32,6 +34,7 @@ from egophys_core.simulation.integrator import FASTEST
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, largest_eigenvalues, stable_substeps
 from egophys_core.simulation.substep import FrameInputs
 from egophys_core.simulation.terms.material_frames import settle_material_frames
+from egophys_core.simulation.terms.presses import PressArrays
 from egophys_core.simulation.terms.rod_bending import rod_arrays
 from egophys_core.simulation.terms.springs import SpringArrays
 
@@ -47,15 +50,18 @@ STOPPED = -1
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """Frames in which the same controller springs act and the same substeps are taken."""
+    """Frames in which the same contacts act and the same substeps are taken."""
 
     attachments: tuple[Attachments, ...]
     """Per rollout."""
     columns: tuple[np.ndarray, ...]
-    """Per rollout, where its controller springs stand in `grips`."""
+    """Per rollout, where its holds stand in `grips`."""
     grips: SpringArrays
+    press_columns: tuple[np.ndarray, ...]
+    """Per rollout, where its presses stand in `presses`."""
+    presses: PressArrays
     rates: tuple[tuple[float, float], ...]
-    """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, of springs and grips."""
+    """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, of springs, grips and presses."""
     spring_rates: np.ndarray
     """[K] largest stiffness rate of the object's springs alone, 1/s^2; 0 where no effect changes these."""
     durations: np.ndarray
@@ -175,6 +181,7 @@ class Engine:
         return FrameInputs(
             springs=self.springs,
             grips=segment.grips,
+            presses=segment.presses,
             controllers=motion,
             parameters=self.parameters,
             rods=self.rods,
@@ -214,20 +221,30 @@ class Engine:
             for row in range(self.batch.count)
         )
         grips, columns = self.grips_of(updated)
+        presses, press_columns = self.presses_of(updated)
         of_springs = [
             largest_eigenvalues(self.springs, grips, self.parameters.masses, self.batch.count, damping=kind)
             for kind in (False, True)
         ]
+        of_presses = self._press_rates(updated)
         segment = Segment(
             attachments=updated,
             columns=tuple(columns),
             grips=grips,
-            rates=tuple(map(tuple, np.stack(of_springs, axis=1).tolist())),
+            press_columns=tuple(press_columns),
+            presses=presses,
+            rates=tuple(map(tuple, (np.stack(of_springs, axis=1) + of_presses).tolist())),
             spring_rates=self._spring_rates(),
             durations=durations,
             substeps=np.zeros(self.batch.count, int),
         )
         return replace(segment, substeps=self._substeps(durations, self._rates(segment)))
+
+    def _press_rates(self, attachments: Sequence[Attachments]) -> np.ndarray:
+        """[K, 2] what presses add to the largest stiffness rate, 1/s^2, and damping rate, 1/s, of each rollout."""
+        presses = np.array([(~held.holds).sum() for held in attachments])
+        firmness = np.array([(each.controller_stiffness, each.damping) for each in self.batch.parameters])
+        return np.asarray(FIRMNESS * firmness * (presses / self.batch.masses.min(axis=1))[:, None])
 
     def _spring_rates(self) -> np.ndarray:
         """[K] as `Segment.spring_rates`; the same in all segments."""
@@ -262,8 +279,12 @@ class Engine:
         return np.where(running, strain, 0.0), np.sqrt(np.where(running, squared, 0.0))
 
     def grips_of(self, attachments: Sequence[Attachments]) -> tuple[SpringArrays, list[np.ndarray]]:
-        """The controller springs of all rollouts as arrays, and where each rollout's own stand in them."""
+        """The springs of the holds of all rollouts as arrays, and where each rollout's own stand in them."""
         return grip_arrays(self.batch, attachments, self.device, requires_grad=self.requires_grad)
+
+    def presses_of(self, attachments: Sequence[Attachments]) -> tuple[PressArrays, list[np.ndarray]]:
+        """The presses of all rollouts as arrays, and where each rollout's own stand in them."""
+        return press_arrays(self.batch, attachments, self.device, requires_grad=self.requires_grad)
 
     def _substeps(self, durations: np.ndarray, rates: Sequence[tuple[float, float]]) -> np.ndarray:
         substeps = np.array(

@@ -32,6 +32,7 @@ def _advance_on_cpu(scratch: SubstepArrays, state: StateArrays, substeps: int, i
             scratch.forces,
             inputs.springs,
             inputs.grips,
+            inputs.presses,
             inputs.controllers,
             inputs.parameters,
             inputs.rods,

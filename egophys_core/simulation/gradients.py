@@ -15,7 +15,7 @@ from egophys_core.lanes import Lanes, pack, unpack
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.collision.self_collision import PairArrays
-from egophys_core.simulation.device_arrays import MOTION_NAMES, PARAMETER_NAMES, SPRING_NAMES
+from egophys_core.simulation.device_arrays import FIRMNESS, MOTION_NAMES, PARAMETER_NAMES, SPRING_NAMES
 from egophys_core.simulation.engine import Engine, Segment
 from egophys_core.simulation.frame_tape import FrameTape
 from egophys_core.simulation.frames import into_world_directions
@@ -24,7 +24,10 @@ from egophys_core.simulation.substep import FrameInputs
 from egophys_core.simulation.terms.springs import SHORTEST_LENGTH
 
 GRIP_NAMES = ("stiffness", "damping", "rest_lengths")
-"""Numbers of a controller spring that have derivatives."""
+"""Numbers of the springs of holds that have derivatives."""
+
+PRESS_NAMES = ("reaches", "stiffness", "damping")
+"""Numbers of presses that have derivatives."""
 
 Loss = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From positions [K, F, N, 3], metres: the loss [K] of each rollout, and its gradient [K, F, N, 3] by them."""
@@ -45,7 +48,7 @@ class Gradient:
     controller_stiffness: np.ndarray
     """[K]."""
     controller_damping: np.ndarray
-    """[K], by the dashpot of controller springs."""
+    """[K], by the dashpot of controller springs and presses."""
     parameters: dict[str, np.ndarray]
     """[K] by name: those of `PARAMETER_NAMES`, and `contact_height`."""
     masses: np.ndarray
@@ -186,8 +189,10 @@ class _BackwardPass:
             tape.start.memory.assign(pack(self.memory[frames, self.rollouts]))
         tape.forward()
         tape.clear_derivatives()
+        motion = [getattr(engine.controller_arrays, name) for name in MOTION_NAMES]
         grips = [getattr(segment.grips, name) for name in GRIP_NAMES]
-        for array in (*(getattr(engine.controller_arrays, name) for name in MOTION_NAMES), *grips):
+        presses = [getattr(segment.presses, name) for name in PRESS_NAMES]
+        for array in (*motion, *grips, *presses):
             array.grad.zero_()
         tape.end.positions.grad.assign(pack(positions))
         tape.end.velocities.grad.assign(pack(velocities))
@@ -210,13 +215,17 @@ class _BackwardPass:
         last = self.segment
         if last is None or any(a is not b for a, b in zip(attachments, last.attachments, strict=True)):
             grips, columns = self.engine.grips_of(attachments)
+            presses, press_columns = self.engine.presses_of(attachments)
             self.tape = None
         else:
             grips, columns = last.grips, list(last.columns)
+            presses, press_columns = last.presses, list(last.press_columns)
         self.segment = Segment(
             attachments=attachments,
             columns=tuple(columns),
             grips=grips,
+            press_columns=tuple(press_columns),
+            presses=presses,
             rates=tuple(segment.rates[row] for segment, row in rows),
             spring_rates=np.array([segment.spring_rates[row] for segment, row in rows]),
             durations=np.array([segment.durations[row] for segment, row in rows]),
@@ -265,14 +274,22 @@ class _BackwardPass:
         stiffness, damping, rest_lengths = (
             unpack(getattr(segment.grips, name).grad.numpy(), rows) for name in GRIP_NAMES
         )
-        np.add.at(self.controller_stiffness, self.rollouts, stiffness.sum(axis=1))
-        np.add.at(self.controller_damping, self.rollouts, damping.sum(axis=1))
+        reaches, firmness, press_damping = (
+            unpack(getattr(segment.presses, name).grad.numpy(), rows) for name in PRESS_NAMES
+        )
         for row, (held, columns) in enumerate(zip(segment.attachments, segment.columns, strict=True)):
+            # Springs that this row lacks have derivatives as well.
+            rollout = self.rollouts[row]
+            self.controller_stiffness[rollout] += stiffness[row, columns].sum() + FIRMNESS * firmness[row]
+            self.controller_damping[rollout] += damping[row, columns].sum() + FIRMNESS * press_damping[row]
             if held is not self.held[row]:
                 later = dict(zip(self.held[row].identities(), self.by_rest_length[row], strict=True))
                 self.by_rest_length[row] = np.array([later.get(identity, 0.0) for identity in held.identities()])
                 self.held[row] = held
-            self.by_rest_length[row] = self.by_rest_length[row] + rest_lengths[row, columns]
+            now = np.zeros(len(held.nodes))
+            now[held.holds] = rest_lengths[row, columns]
+            now[~held.holds] = reaches[row, segment.press_columns[row]]
+            self.by_rest_length[row] = self.by_rest_length[row] + now
 
     def _back_over_start(self, row: int, frame: int, positions: np.ndarray) -> None:
         """Where controller springs begin with this frame, pass on what depends on their rest lengths.

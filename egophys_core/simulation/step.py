@@ -23,6 +23,7 @@ from egophys_core.simulation.terms.controllers import ControllerArrays, move_con
 from egophys_core.simulation.terms.effects import NO_LAW, SEVERAL_LAWS, EffectArrays, EffectTerms
 from egophys_core.simulation.terms.material_frames import RodArrays
 from egophys_core.simulation.terms.nudging import NudgingArrays, add_nudging
+from egophys_core.simulation.terms.presses import PressArrays, add_press_forces
 from egophys_core.simulation.terms.rod_bending import add_bending_forces
 from egophys_core.simulation.terms.spring_laws import lawful_springs
 from egophys_core.simulation.terms.springs import SpringArrays, add_grip_forces, add_spring_forces
@@ -110,11 +111,14 @@ def force_sum(terms: EffectTerms | None) -> wp.Function:
         state: StateArrays,
         springs: SpringArrays,
         grips: SpringArrays,
+        presses: PressArrays,
+        nodes: int,
         parameters: ParameterArrays,
         effects: EffectArrays,
         forces: wp.array3d(dtype=Lanes),
     ):
         add_node_forces(group, first, last, time, dt, state, parameters, effects, forces)
+        add_press_forces(group, first, last, nodes, dt, state, presses, parameters, forces)
         # Last, because going back their hand-written adjoints need the derivatives' arrays, which the adjoints that
         # Warp generates for the others replace by empty ones once they are done.
         add_grip_forces(group, first, last, state, grips, forces)
@@ -248,6 +252,7 @@ def frame_kernel(terms: EffectTerms | None) -> wp.Kernel:
         forces: wp.array3d(dtype=Lanes),
         springs: SpringArrays,
         grips: SpringArrays,
+        presses: PressArrays,
         controllers: ControllerArrays,
         parameters: ParameterArrays,
         rods: RodArrays,
@@ -265,7 +270,7 @@ def frame_kernel(terms: EffectTerms | None) -> wp.Kernel:
             dt = substep_duration(group, substep, frame)
             time = substep_time(group, substep, frame)
             add_held_forces(group, 0, nodes, nodes, state, parameters, rods, nudging, forces)
-            add_forces(group, 0, nodes, time, dt, state, springs, grips, parameters, effects, forces)
+            add_forces(group, 0, nodes, time, dt, state, springs, grips, presses, nodes, parameters, effects, forces)
             add_lawful(group, nodes, time, dt, state, springs, parameters, effects, forces)
             kick(group, 0, nodes, dt, state, forces, parameters, state.velocities)
             clear(group, 0, nodes, forces)

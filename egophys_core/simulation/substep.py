@@ -23,6 +23,7 @@ from egophys_core.simulation.terms.controllers import ControllerArrays, move_con
 from egophys_core.simulation.terms.effects import NO_LAW, EffectArrays, EffectTerms
 from egophys_core.simulation.terms.material_frames import RodArrays
 from egophys_core.simulation.terms.nudging import NudgingArrays
+from egophys_core.simulation.terms.presses import PressArrays
 from egophys_core.simulation.terms.spring_adjoint import adj_add_spring_forces as adj_add_spring_forces
 from egophys_core.simulation.terms.spring_laws import lawful_springs
 from egophys_core.simulation.terms.springs import SpringArrays
@@ -40,16 +41,20 @@ def forces_kernel(terms: EffectTerms | None) -> wp.Kernel:
         state: StateArrays,
         springs: SpringArrays,
         grips: SpringArrays,
+        presses: PressArrays,
         parameters: ParameterArrays,
         effects: EffectArrays,
         frame: FrameArrays,
         forces: wp.array3d(dtype=Lanes),
     ):
         group, part = wp.tid()
-        last = wp.min((part + 1) * rows, frame.node_count)
+        nodes = frame.node_count
+        last = wp.min((part + 1) * rows, nodes)
         time = substep_time(group, substep, frame)
         dt = substep_duration(group, substep, frame)
-        add_forces(group, part * rows, last, time, dt, state, springs, grips, parameters, effects, forces)
+        add_forces(
+            group, part * rows, last, time, dt, state, springs, grips, presses, nodes, parameters, effects, forces
+        )
 
     return sum_forces
 
@@ -207,6 +212,7 @@ class FrameInputs:
 
     springs: SpringArrays
     grips: SpringArrays
+    presses: PressArrays
     controllers: ControllerArrays
     parameters: ParameterArrays
     rods: RodArrays
@@ -251,7 +257,7 @@ def substep_launches(substep: int, state: StateArrays, inputs: FrameInputs, out:
     if inputs.rods.bend or inputs.nudging.acts:
         held = [rows, state, parameters, inputs.rods, inputs.nudging, frame]
         launches.append((sum_held, each_node, held, [out.forces]))
-    read = [rows, substep, state, inputs.springs, inputs.grips, parameters, inputs.effects, frame]
+    read = [rows, substep, state, inputs.springs, inputs.grips, inputs.presses, parameters, inputs.effects, frame]
     launches.append((forces_kernel(inputs.terms), each_node, read, [out.forces]))
     if inputs.terms is not None and inputs.terms.laws:
         lawful = [rows, substep, state, inputs.springs, parameters, inputs.effects, frame]

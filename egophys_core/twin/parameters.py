@@ -65,7 +65,7 @@ class PhysicalParameters:
     collision_restitution: float = 0.0
     """Share of the approach speed kept in a self-collision, 0..1."""
     collision_friction: float = 0.3
-    """Coulomb friction coefficient of the object against itself."""
+    """Coulomb friction coefficient of the object against itself, and against hands that press it."""
     controller_stiffness: float
     """Stiffness of a spring between a held node and a controller point, N/m."""
     controller_radius: float = 0.03

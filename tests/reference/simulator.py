@@ -47,23 +47,37 @@ def spring_force(
     return stiffness * eta * extension * direction - damping * relative_velocity
 
 
-def grip_force(
+FIRMNESS = 10.0
+"""Of a press, in stiffnesses and dashpots of a spring."""
+
+
+def press_force(
     offset: np.ndarray,
     relative_velocity: np.ndarray,
     *,
     stiffness: float,
     damping: float,
-    rest: float,
-    kind: ContactKind,
+    reach: float,
+    friction: float,
+    stopping: float,
 ) -> np.ndarray:
-    """[3] N on a node that a controller point holds or presses; the arguments are those of `spring_force`.
+    """[3] N on a node at an offset from a point that presses, moving against it.
 
-    A press acts while it is compressed and what it gives along its line is a push.
+    Nearer than its reach it is pushed away, never pulled, and braked as Coulomb has it, at most to a stop.
+
+    Args:
+        stopping: N s/m, that times its speed stops the node in a substep.
     """
-    force = spring_force(offset, relative_velocity, stiffness=stiffness, damping=damping, rest=rest, longest=np.inf)
-    if kind == ContactKind.PRESS and (np.linalg.norm(offset) >= rest or force @ offset >= 0):
+    distance = np.linalg.norm(offset)
+    normal = offset / distance
+    approach = -relative_velocity @ normal
+    push = FIRMNESS * (stiffness * (reach - distance) + damping * approach)
+    if distance >= reach or push <= 0:
         return np.zeros(3)
-    return force
+    sliding = relative_velocity + approach * normal
+    speed = np.linalg.norm(sliding)
+    brake = min(friction * push, stopping * speed)
+    return push * normal - (brake * sliding / speed if speed > 0 else 0.0)
 
 
 def projected(force: np.ndarray, height: float, alpha: PhysicalParameters) -> np.ndarray:
@@ -92,7 +106,8 @@ def new_grips(
 ) -> list[Grip]:
     """Springs of the contacts that begin now, as [C] `ContactKind`.
 
-    A point takes the nearest few within r_c; K_min = 5 where a flat object has fewer.
+    A point that holds takes the nearest few within r_c; K_min = 5 where a flat object has fewer. One that presses
+    touches the nearest node.
     """
     within: dict[int, list[int]] = {}
     nearest: dict[int, list[int]] = {}
@@ -108,6 +123,8 @@ def new_grips(
         for controller, found in within.items():
             if len(found) < 5:
                 within[controller] = [node for node in nearest[controller][:5] if distance[controller, node] <= cutoff]
+    for controller in np.flatnonzero(begins == ContactKind.PRESS):
+        within[controller] = [int(distance[controller].argmin())]
     return [
         (node, int(controller), float(distance[controller, node]), ContactKind(begins[controller]))
         for controller, found in within.items()
@@ -200,15 +217,20 @@ def simulate(
                 force = spring_force(x[j] - x[i], v[i] - v[j], **changed)
                 forces[i] += force
                 forces[j] -= force
-            for node, controller, rest, kind in grips:
-                forces[node] += grip_force(
-                    hand[controller] - x[node],
-                    v[node] - hand_velocity[controller],
-                    stiffness=alpha.controller_stiffness,
-                    damping=alpha.damping,
-                    rest=rest,
-                    kind=kind,
-                )
+            for held, controller, rest, kind in grips:
+                numbers = {"stiffness": alpha.controller_stiffness, "damping": alpha.damping}
+                for node in [held] if kind == ContactKind.HOLD else range(len(x)):
+                    slip = v[node] - hand_velocity[controller]
+                    if kind == ContactKind.HOLD:
+                        away = hand[controller] - x[node]
+                        forces[node] += spring_force(away, slip, rest=rest, longest=np.inf, **numbers)
+                    else:
+                        contact_numbers = {
+                            "reach": rest,
+                            "friction": alpha.collision_friction,
+                            "stopping": masses[node] / dt,
+                        }
+                        forces[node] += press_force(x[node] - hand[controller], slip, **numbers, **contact_numbers)
             for node, mass in enumerate(masses):
                 forces[node] += mass * (np.array([0.0, 0.0, -alpha.gravity]) - alpha.drag * v[node])
                 v[node] += dt * projected(forces[node], x[node, 2] - ground, alpha) / mass

@@ -9,8 +9,8 @@ from egophys_core.simulation import ContactKind, Controls
 from tests.reference.simulator import (
     contact,
     controller_motion,
-    grip_force,
     new_grips,
+    press_force,
     projected,
     simulate,
     spring_force,
@@ -72,40 +72,45 @@ def test_friction_never_turns_the_sliding_around():
     assert velocity == pytest.approx([0, 0, 0])
 
 
-def push(offset, relative_velocity=(0, 0, 0), kind=ContactKind.PRESS):
-    return grip_force(
+def push(offset, relative_velocity=(0, 0, 0), stopping=1e9):
+    return press_force(
         np.array(offset, float),
         np.array(relative_velocity, float),
-        stiffness=10.0,
-        damping=0.5,
-        rest=1.0,
-        kind=kind,
+        stiffness=1.0,
+        damping=0.05,
+        reach=1.0,
+        friction=0.25,
+        stopping=stopping,
     ).tolist()
 
 
-def test_hold_pulls_without_limit():
-    assert push((3.0, 0, 0), kind=ContactKind.HOLD) == pytest.approx([20.0, 0, 0])
-    assert push((3.0, 0, 0), (0, 2.0, 0), kind=ContactKind.HOLD) == pytest.approx([20.0, -1.0, 0])
+def test_press_pushes_what_is_in_reach_and_never_pulls():
+    # In reach by 0.4 m: 4 N away from the hand.
+    assert push((-0.6, 0, 0)) == pytest.approx([-4.0, 0, 0])
+    assert push((-1.2, 0, 0), (0, 2.0, 0)) == [0, 0, 0]
+    # The hand retreats at 6 m/s, the dashpot takes 3 N of the 4 N; at 10 m/s it would win.
+    assert push((-0.6, 0, 0), (-6.0, 0, 0)) == pytest.approx([-1.0, 0, 0])
+    assert push((-0.6, 0, 0), (-10.0, 2.0, 0)) == [0, 0, 0]
 
 
-def test_press_pushes_while_it_is_compressed_and_never_pulls():
-    # Compressed by 0.4 m: 4 N away from the hand; the dashpot takes along what slides.
-    assert push((0.6, 0, 0)) == pytest.approx([-4.0, 0, 0])
-    assert push((0.6, 0, 0), (0, 2.0, 0)) == pytest.approx([-4.0, -1.0, 0])
-    assert push((1.2, 0, 0), (0, 2.0, 0)) == [0, 0, 0]
-    # The hand retreats at 6 m/s, the dashpot pulls with 3 N of the 4 N; at 10 m/s it would win.
-    assert push((0.6, 0, 0), (-6.0, 0, 0)) == pytest.approx([-1.0, 0, 0])
-    assert push((0.6, 0, 0), (-10.0, 2.0, 0)) == [0, 0, 0]
+def test_press_brakes_what_slides_along_it_by_a_quarter_of_its_push_or_to_a_stop():
+    assert push((-0.6, 0, 0), (0, 2.0, 0)) == pytest.approx([-4.0, -1.0, 0])
+    assert push((-0.6, 0, 0), (0, 2.0, 0), stopping=0.2) == pytest.approx([-4.0, -0.4, 0])
 
 
-def test_contacts_take_the_nearest_within_the_radius():
+def test_holds_take_the_nearest_within_the_radius_and_a_press_the_nearest():
     nodes = np.array([[0.01, 0, 0], [0.02, 0, 0], [0.05, 0, 0], [0.3, 0, 0]])
     alpha = parameters(controller_radius=0.03, controller_neighbours=3)
-    press = np.array([ContactKind.PRESS])
-    held = new_grips(nodes, np.zeros((1, 3)), press, alpha, flat=False)
-    assert held == [(0, 0, pytest.approx(0.01), press[0]), (1, 0, pytest.approx(0.02), press[0])]
-    flat = new_grips(nodes, np.zeros((1, 3)), press, alpha, flat=True)
+    hold, press = np.array([ContactKind.HOLD]), np.array([ContactKind.PRESS])
+    held = new_grips(nodes, np.zeros((1, 3)), hold, alpha, flat=False)
+    assert held == [(0, 0, pytest.approx(0.01), hold[0]), (1, 0, pytest.approx(0.02), hold[0])]
+    flat = new_grips(nodes, np.zeros((1, 3)), hold, alpha, flat=True)
     assert [node for node, *_ in flat] == [0, 1, 2]
+    far = np.array([[0.0, 0, 0.5]])
+    for lies_flat in (True, False):
+        assert new_grips(nodes, far, press, alpha, flat=lies_flat) == [
+            (0, 0, pytest.approx(np.hypot(0.5, 0.01)), press[0])
+        ]
     assert new_grips(nodes, np.zeros((1, 3)), np.zeros(1, np.uint8), alpha, flat=True) == []
 
 
@@ -159,14 +164,14 @@ def test_two_substeps_of_a_held_node_by_hand():
 def test_two_substeps_of_a_press_by_hand():
     # 0.2 m off; the hand comes 0.2 m nearer within a frame of 0.2 s, at 1 m/s throughout.
     # Substep 1: not compressed, so no dashpot either. The hand is at 0.1.
-    # Substep 2: compressed by 0.1 m, 5 N, dashpot 2 N: 7 N on 0.5 kg for 0.1 s: v = -1.4, x = -0.14.
+    # Substep 2: 0.1 m in reach, 5 N, dashpot 2 N: 7 N on 0.5 kg for 0.1 s: v = -1.4, x = -0.14.
     times = np.array([0.0, 0.2])
     batch = scene(
         [[0, 0, 0]],
         moving_controls(times, [[0.2, 0, 0], [0, 0, 0]], np.full((2, 1), ContactKind.PRESS)),
         mass=0.5,
-        damping=2.0,
-        controller_stiffness=50.0,
+        damping=0.2,
+        controller_stiffness=5.0,
         controller_radius=0.25,
     )
     assert simulate(batch, 0, substeps=2)[1, 0] == pytest.approx([-0.14, 0, 0])

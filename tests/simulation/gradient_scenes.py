@@ -58,6 +58,7 @@ def in_the_air(*, effects: bool = False) -> RolloutBatch:
         controller_stiffness=15.0,
         controller_radius=0.09,
         controller_neighbours=2,
+        collision_friction=0.2,
         flat=False,
     )
     return replace(batch, effects=gust_and_tether([[40.0, -60.0, 20.0, 0.0475]], [[1.5, 0.05]])) if effects else batch

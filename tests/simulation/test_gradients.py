@@ -30,7 +30,7 @@ SCENES: dict[str, Callable[[], RolloutBatch]] = {
     "self-collision": bars_that_collide,
 }
 KINDS = {
-    "in the air": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY),
+    "in the air": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY, "collision_friction"),
     "with effects": ("effects", "drag", "positions", "velocities"),
     "on the table": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY, *TABLE),
     "self-collision": (*SPRINGS[:3], *STARTS, "masses", "gravity", *COLLISION),
@@ -77,7 +77,9 @@ def test_the_edge_of_the_contact_band_has_no_gradient():
 
 def test_what_does_not_act_has_no_gradient():
     gradient = differentiated("in the air")[3]
-    assert all(gradient.parameters[name].tolist() == [0.0] for name in (*TABLE, *COLLISION))
+    # Friction acts on what a hand presses.
+    untouched = {*TABLE, *COLLISION} - {"collision_friction"}
+    assert all(gradient.parameters[name].tolist() == [0.0] for name in untouched)
     assert gradient.effects.tolist() == [[0.0]]
     # The longest extension matters only to springs that come to it.
     longest = differentiated("on the table")[3].longest_extensions[0]

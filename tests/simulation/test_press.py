@@ -1,4 +1,4 @@
-"""Contacts that press: they push the nodes that were near when they began, and never pull."""
+"""Contacts that press: they push whatever comes near, brake what slides along them, and never pull."""
 
 from dataclasses import replace
 
@@ -22,10 +22,12 @@ def hand(times: np.ndarray, *stops: tuple[float, float]) -> np.ndarray:
     return np.interp(times, at, x)[:, None] * [1.0, 0, 0]
 
 
+BODY = {"mass": 0.05, "damping": 0.05, "controller_stiffness": 3.0, "controller_radius": 0.03}
+
+
 def node_and_hand(path: np.ndarray, kinds: np.ndarray, times: np.ndarray, **changes) -> RolloutBatch:
     """A free node of 50 g at the origin."""
-    numbers = {"mass": 0.05, "damping": 0.5, "controller_stiffness": 30.0, "controller_radius": 0.03, **changes}
-    return scene([[0, 0, 0]], moving_controls(times, path, kinds), **numbers)
+    return scene([[0, 0, 0]], moving_controls(times, path, kinds), **{**BODY, **changes})
 
 
 def all_the_time(kind: ContactKind, times: np.ndarray) -> np.ndarray:
@@ -71,12 +73,34 @@ def test_hold_pulls_the_node_along_where_a_press_lets_it_lie():
     assert moved[1] == 0.0
 
 
-def test_press_acts_on_what_was_near_when_it_began():
-    # The node is 2 cm off at the start and is reached later: a contact that begins as the hand is far takes nothing.
-    times = frame_times(0.3, DT)
-    path = hand(times, (0.0, 0.2), (0.2, -0.1))
-    far = node_and_hand(path, all_the_time(PRESS, times), times, flat=False, controller_radius=0.03)
-    assert (rollout(far).positions == 0).all()
+def test_press_acts_on_what_comes_near_later():
+    # The hand begins to press 2 cm off one node, and comes as near to another from there on.
+    times = frame_times(0.5, DT)
+    path = hand(times, (0.0, 0.02), (0.2, 0.1), (0.45, 0.205))
+    batch = scene([[0, 0, 0], [0.2, 0, 0]], moving_controls(times, path, all_the_time(PRESS, times)), **BODY)
+    x = rollout(batch).positions[0, :, :, 0]
+    assert (x[:, 0] == 0.0).all()
+    reached = np.argmax(path[:, 0] > 0.2 - 0.02)
+    assert (x[: reached - 2, 1] == x[0, 1]).all()
+    assert x[-1, 1] > 0.22
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, 3.0])
+def test_hand_that_slides_along_a_surface_drags_it_by_coulombs_law(friction):
+    # It presses a heavy node with a force N, 1 m off so that it pushes straight all the time, and slides across it by
+    # 1 cm: the node is sped up by mu N / m.
+    times = frame_times(0.2, DT)
+    across = np.stack([0 * times + 0.999, 0.1 * np.maximum(times - 0.1, 0.0), 0 * times], axis=1)
+    across[times < DT / 2, 0] = 1.0
+    batch = scene(
+        [[0, 0, 0]],
+        moving_controls(times, across, all_the_time(PRESS, times)),
+        **{**BODY, "mass": 50.0, "collision_friction": friction, "damping": 0.0},
+    )
+    moved = rollout(batch).positions[0, :, 0].astype(np.float64)
+    push = 10.0 * BODY["controller_stiffness"] * 0.001
+    way = 0.5 * push / 50.0 * (times[-1] - 0.1) ** 2
+    assert moved[-1, 1] == pytest.approx(friction * way, rel=0.05, abs=0.01 * way)
 
 
 def test_force_of_a_press_comes_from_motion_since_it_began():
@@ -105,7 +129,8 @@ def test_press_that_becomes_a_hold_holds_at_the_distance_of_that_moment():
     times = frame_times(1.0, DT)
     path = hand(times, (0.0, 0.02), (0.1, 0.012), (0.5, 0.012), (0.8, 0.042))
     kinds = np.where(times[:, None] < 0.4, PRESS, HOLD).astype(np.uint8)
-    x = rollout(node_and_hand(path, kinds, times, drag=20.0, damping=1.0)).positions[0, :, 0, 0]
+    firm = {"controller_stiffness": 30.0, "damping": 0.3}
+    x = rollout(node_and_hand(path, kinds, times, drag=20.0, **firm)).positions[0, :, 0, 0]
     begin = round(0.4 / DT)
     assert x[begin] < -0.003
     assert x[begin : round(0.5 / DT) - 2] == pytest.approx(x[begin], abs=1e-4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from egophys_core.errors import SimulationError
-from egophys_core.simulation import rollout
+from egophys_core.simulation import ContactKind, rollout
 from egophys_core.simulation.attachments import Attachments
 from egophys_core.simulation.device_arrays import grip_arrays, lanes_array, spring_arrays
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, MARGIN, largest_eigenvalues, stable_substeps
@@ -43,7 +43,7 @@ def bound_of(springs, weights, masses) -> float:
         nodes=springs[~own, 0],
         controllers=springs[~own, 1] - len(masses),
         rest_lengths=np.ones((~own).sum(), np.float32),
-        longest_extensions=np.ones((~own).sum(), np.float32),
+        kinds=np.full((~own).sum(), ContactKind.HOLD, np.uint8),
     )
     # The rows are in order of their first node; pairs are given in that order.
     rows, (grips, _) = spring_arrays(batch, "cpu"), grip_arrays(batch, [held], "cpu")

@@ -18,7 +18,6 @@ from egophys_core.lanes.state import ParameterArrays, StateArrays
 from egophys_core.simulation.terms.springs import (
     SHORTEST_LENGTH,
     SpringArrays,
-    acting,
     add_grip_forces,
     add_spring_forces,
     pressed,
@@ -67,7 +66,7 @@ def add_spring_derivatives(
 ) -> Lanes:
     """Add the derivatives of the loss by all inputs of `add_spring_forces` to those arrays; that by the ratio.
 
-    With `grips` the same for `add_grip_forces`: no force acts on the ends, and an open press passes nothing on.
+    With `grips` the same for `add_grip_forces`: no force acts on the ends.
     """
     positions = state.positions
     velocities = state.velocities
@@ -116,21 +115,6 @@ def add_spring_derivatives(
             )
             gamma = springs.damping[group, spring]
             of_damping = wp.cw_mul(ax, wx) + wp.cw_mul(ay, wy) + wp.cw_mul(az, wz)
-            if grips:
-                damped = wp.cw_mul(gamma, wp.cw_mul(wx, dx) + wp.cw_mul(wy, dy) + wp.cw_mul(wz, dz))
-                acts = acting(
-                    wp.cw_mul(coefficient, squared_length) + damped,
-                    squared_length,
-                    springs.rest_lengths[group, spring],
-                    springs.longest_extensions[group, spring],
-                )
-                coefficient = wp.cw_mul(coefficient, acts)
-                slope = wp.cw_mul(slope, acts)
-                gamma = wp.cw_mul(gamma, acts)
-                of_stiffness = wp.cw_mul(of_stiffness, acts)
-                of_rest_length = wp.cw_mul(of_rest_length, acts)
-                of_longest_extension = wp.cw_mul(of_longest_extension, acts)
-                of_damping = wp.cw_mul(of_damping, acts)
             by_ratio += wp.cw_mul(shorter, wp.cw_mul(springs.stiffness[group, spring], of_stiffness))
             by_stiffness[group, spring] += wp.cw_mul(kept, of_stiffness)
             by_rest_lengths[group, spring] += of_rest_length

@@ -27,7 +27,7 @@ class SpringArrays:
     rest_lengths: wp.array2d(dtype=Lanes)
     """[G, E] metres."""
     longest_extensions: wp.array2d(dtype=Lanes)
-    """[G, E] metres: force grows up to this extension; `UNLIMITED`, or 0 for a contact that only pushes."""
+    """[G, E] metres: force grows up to this extension, or `UNLIMITED`."""
 
 
 @wp.func
@@ -116,24 +116,10 @@ def add_spring_forces(
 
 
 @wp.func
-def acting(pull: Lanes, squared_length: Lanes, rest_length: Lanes, longest_extension: Lanes) -> Lanes:
-    """1 where a controller spring acts: always for a hold; for a press only while it is compressed and pushes.
-
-    `pull` is the force along the line to the controller point times its length, N m: the dashpot of a press pulls
-    when the hand retreats, and where it would outweigh the push the contact is open.
-    """
-    acts = Lanes()
-    for lane in range(LANES):
-        shorter = wp.step(squared_length[lane] - rest_length[lane] * rest_length[lane])
-        acts[lane] = wp.max(wp.step(-longest_extension[lane]), shorter * wp.step(pull[lane]))
-    return acts
-
-
-@wp.func
 def add_grip_forces(
     group: int, first: int, last: int, state: StateArrays, grips: SpringArrays, forces: wp.array3d(dtype=Lanes)
 ):
-    """Add the force of controller springs to nodes first..last-1, N: as other springs, but a press does not pull."""
+    """Add the force of controller springs to nodes first..last-1, N: as other springs, but on one end alone."""
     positions = state.positions
     velocities = state.velocities
     for node in range(first, last):
@@ -159,11 +145,9 @@ def add_grip_forces(
             gx = wp.cw_mul(elastic, dx) + wp.cw_mul(gamma, velocities[group, controller, 0] - vx)
             gy = wp.cw_mul(elastic, dy) + wp.cw_mul(gamma, velocities[group, controller, 1] - vy)
             gz = wp.cw_mul(elastic, dz) + wp.cw_mul(gamma, velocities[group, controller, 2] - vz)
-            pull = wp.cw_mul(gx, dx) + wp.cw_mul(gy, dy) + wp.cw_mul(gz, dz)
-            acts = acting(pull, squared_length, rest_length, longest_extension)
-            fx += wp.cw_mul(acts, gx)
-            fy += wp.cw_mul(acts, gy)
-            fz += wp.cw_mul(acts, gz)
+            fx += gx
+            fy += gy
+            fz += gz
         forces[group, node, 0] += fx
         forces[group, node, 1] += fy
         forces[group, node, 2] += fz

@@ -14,6 +14,9 @@ OUTSIDE = 0.01
 SYMMETRIC = 0.25
 """Of the spacing: how deep what is seen may come to lie inside of an object that counts as symmetric."""
 
+ALIKE = 2.0
+"""A symmetry counts beside the best one if its image fits at most so many times as badly."""
+
 CENTRES = (0.25, 0.375, 0.5, 0.625, 0.75)
 """Where between the ends of what is seen the search for a centre may begin, along each axis."""
 
@@ -28,8 +31,10 @@ def inside_of(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     except QhullError:
         return np.zeros((0, 3))
     lowest = float(shell[:, 2].min())
-    rim = shell[shell[:, 2] < lowest + FOOT * spacing]
-    foot = _thinned(rim * [1, 1, 0] + [0, 0, lowest], shell, spacing)
+    stands = shell[:, 2] < lowest + FOOT * spacing
+    # It lies still on what it stands on, which is flat; on the nodes of a round foot it would rock.
+    shell[len(points) :][stands[len(points) :], 2] = lowest
+    foot = _thinned(shell[stands] * [1, 1, 0] + [0, 0, lowest], shell, spacing)
     shell = np.concatenate([shell, foot])
     return np.concatenate([shell[len(points) :], _fill(shell, spacing)])
 
@@ -60,8 +65,8 @@ def _hidden(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
         whole = ConvexHull(np.concatenate([points[hull_points], image[hull_points]])).equations
         return float((_heights(points, hull) - _heights(points, whole)).mean())
 
-    def best_image(signs: np.ndarray) -> tuple[float, np.ndarray]:
-        """The image about the centre that fits best, and its cost, metres a point."""
+    def best_centre(signs: np.ndarray) -> tuple[float, np.ndarray]:
+        """The centre [3] about which the image fits best, and its cost, metres a point."""
 
         def image(centre: np.ndarray) -> np.ndarray:
             return signs * points + (1.0 - signs) * centre
@@ -77,13 +82,20 @@ def _hidden(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
         start = min(low + shares * (high - low), key=cost)
         simplex = start + np.concatenate([np.zeros((1, 3)), spacing * np.eye(3)])
         found = minimize(cost, start, method="Nelder-Mead", options={"initial_simplex": simplex})
-        return float(found.fun), image(found.x)
+        return float(found.fun), found.x
 
-    image = min((best_image(signs) for signs in SYMMETRIES), key=lambda each: each[0])[1]
-    if buried(image) > SYMMETRIC * spacing:
-        return np.zeros((0, 3))
-    hidden: np.ndarray = image[cKDTree(points).query(image)[0] > spacing]
-    return hidden
+    found = [(signs, *best_centre(signs)) for signs in SYMMETRIES]
+    least = min(cost for _, cost, _ in found)
+    shell = points
+    for signs, cost, centre in found:
+        image = signs * points + (1.0 - signs) * centre
+        if cost <= ALIKE * least and buried(image) <= SYMMETRIC * spacing:
+            # What has two symmetries has their product as well.
+            shell = np.concatenate([shell, signs * shell + (1.0 - signs) * centre])
+    hidden = shell[len(points) :]
+    hidden[:, 2] = np.maximum(hidden[:, 2], ground)
+    hidden = hidden[cKDTree(points).query(hidden)[0] > spacing]
+    return _thinned(hidden, points, spacing)
 
 
 def _heights(points: np.ndarray, hull: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """From episodes that show an object's surface to its model: the coarse search, then the dense refinement."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from egophys_core.identification.fit import Fit, Progress
 from egophys_core.identification.options import FitOptions
 from egophys_core.kinds.rest_shape import rest_shape
 from egophys_core.observation import FitProblem, ObservedEpisode, prepare
+from egophys_core.observation.grasp_radius import grasp_radius
 from egophys_core.simulation import ContactKind
 
 SEARCH_SHARE, DENSE_SHARE = 0.6, 0.35
@@ -47,6 +49,7 @@ def fit_surface(
         max_nodes=options.max_nodes,
         kind=options.named_kind,
     )
+    shape = replace(shape, grasp_radius=grasp_radius(observed))
     problems = [prepare(each, shape.positions, shape.surface, spacing=shape.spacing) for each in observed]
     search_share = SEARCH_SHARE if options.dense_steps else SEARCH_SHARE + DENSE_SHARE
     coarse = fit_coarse(

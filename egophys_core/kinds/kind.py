@@ -14,6 +14,9 @@ from egophys_core.effects.traits import Need
 from egophys_core.kinds.template import Template
 from egophys_core.twin import ObjectModel, SpringGraph, SpringKind
 
+FIST_RADIUS = 0.045
+"""Metres around the middle of a fist within which what it holds moves as it does (docs/notes/grips.md)."""
+
 FOOT_M = 0.0025
 """Metres above an object's lowest node up to which nodes are part of its foot."""
 
@@ -31,6 +34,8 @@ class RestShape:
     spacing: float
     """Median distance of a surface node to its fourth-nearest other one, metres: a grid's spacing, whether
     the points are a grid or strewn at random."""
+    grasp_radius: float = FIST_RADIUS
+    """Metres around each point of a hand within which it holds."""
 
 
 @dataclass(frozen=True, kw_only=True)

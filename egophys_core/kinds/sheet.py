@@ -27,6 +27,9 @@ MOST_DAMPING = 5.0
 """Dashpot over node mass, 1/s: bending springs have 20 times that."""
 
 SEARCHED = (
+    Searched(name="stiffness_rate", low=1e3, high=1e5, start=3e4, logarithmic=True),
+    Searched(name="object_radius", low=1.0, high=3.0, start=1.5),
+    Searched(name="object_neighbours", low=4.0, high=20.0, start=10.0),
     *searched_of_springs(most_damping=MOST_DAMPING),
     Searched(name="bending_ratio", low=1e-3, high=1.0, start=0.05, logarithmic=True),
     Searched(name="strain_limit", low=0.02, high=1.0, start=0.5, logarithmic=True),

@@ -1,12 +1,15 @@
 """Solids: plush toys. They are filled inside and have drag instead of bending springs and a limit of strain."""
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from egophys_core.kinds.kind import FittedParameter, FromSurface, Kind, RestShape, Searched, equal_masses
 from egophys_core.kinds.kind import height_of_foot as resting_height
 from egophys_core.kinds.spring_body import (
+    TOTAL_MASS,
     VariantSizes,
     fitted,
     fitted_of_springs,
@@ -17,16 +20,22 @@ from egophys_core.kinds.spring_body import (
 from egophys_core.kinds.surface_faces import faces_of_body
 from egophys_core.kinds.unseen_side import inside_of
 from egophys_core.twin import GRAVITY, ObjectModel
-from egophys_core.twin.statics import with_weight_carried
+from egophys_core.twin.statics import elongation_by_weight, with_elongation, with_weight_carried
 
 NAME = "solid"
 
 MOST_DAMPING = 30.0
 """Dashpot over node mass, 1/s."""
 
+RADIUS, NEIGHBOURS = 2.5, 24
+"""Length of the longest springs, in units of the node spacing, and how many a node asks for: with fewer a toy gives way
+on the few nodes that it stands on, however stiff its springs are (docs/notes/pushes.md)."""
+
 SEARCHED = (
+    Searched(name="stiffness_rate", low=3e4, high=1e6, start=3e5, logarithmic=True),
     *searched_of_springs(most_damping=MOST_DAMPING),
-    Searched(name="drag", low=0.01, high=20.0, start=0.3, logarithmic=True),
+    Searched(name="drag", low=0.01, high=5.0, start=0.1, logarithmic=True),
+    Searched(name="collision_friction", low=0.0, high=1.5, start=0.1),
 )
 
 SIZES = VariantSizes(
@@ -46,9 +55,23 @@ def anything(points: np.ndarray) -> bool:
 
 
 def model_of(shape: RestShape, value: Mapping[str, float], ground_height: float) -> ObjectModel:
-    """The model at searched values."""
-    own = {"drag": value["drag"], "strain_limit": 1e6, "ground_projection": 0.0}
-    return spring_model(shape, value, own, bends=False, rests_at=resting_height(shape.positions) - ground_height)
+    """The model at searched values, with springs that carry its weight where it lies."""
+    own = {name: value[name] for name in ("drag", "collision_friction")}
+    own |= {"strain_limit": 1e6, "ground_projection": 0.0}
+    value = {**value, "object_radius": RADIUS, "object_neighbours": NEIGHBOURS}
+    model = spring_model(shape, value, own, bends=False, rests_at=resting_height(shape.positions) - ground_height)
+    compliance = 1.0 / model.parameters.stiffness
+    elongation = compliance * _elongation(model.graph.positions.tobytes(), model.graph.springs.tobytes())
+    return replace(model, graph=with_elongation(model.graph, elongation))
+
+
+@lru_cache(maxsize=1)
+def _elongation(positions: bytes, springs: bytes) -> np.ndarray:
+    """[E] metres by which springs of 1 N/m carry the weight: the same for all candidates of a search."""
+    nodes, pairs = np.frombuffer(positions, np.float32).reshape(-1, 3), np.frombuffer(springs, np.int32).reshape(-1, 2)
+    return elongation_by_weight(
+        nodes, pairs, np.ones(len(pairs)), np.full(len(nodes), GRAVITY * TOTAL_MASS / len(nodes))
+    )
 
 
 def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:

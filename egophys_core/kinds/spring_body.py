@@ -36,8 +36,10 @@ GRASP_RADII = (1.0, 2.0, 3.0)
 """Of variants, in units of the node spacing."""
 
 NEIGHBOURS = 24
+"""Springs that a node of a variant asks for: all within the radius."""
+
 GRASP_NEIGHBOURS = 60
-"""Springs that a node, and a controller point, of a variant asks for: all within the radius."""
+"""Most nodes that a controller point holds: all within its radius, but of very dense ones."""
 
 SOFTER = (1.0, 0.25)
 """Times the stiffness of its kind at which a variant may begin."""
@@ -53,12 +55,7 @@ def searched_of_springs(*, most_damping: float) -> tuple[Searched, ...]:
         most_damping: dashpot over node mass, 1/s.
     """
     return (
-        Searched(name="stiffness_rate", low=1e3, high=1e5, start=3e4, logarithmic=True),
         Searched(name="damping_rate", low=0.03, high=most_damping, start=1.0, logarithmic=True),
-        Searched(name="object_radius", low=1.0, high=3.0, start=1.5),
-        Searched(name="object_neighbours", low=4.0, high=20.0, start=10.0),
-        Searched(name="controller_radius", low=0.5, high=4.0, start=2.0),
-        Searched(name="controller_neighbours", low=1.0, high=30.0, start=20.0),
         Searched(name="restitution", low=0.0, high=0.8, start=0.1),
         Searched(name="friction", low=0.0, high=1.5, start=0.5),
     )
@@ -90,8 +87,8 @@ def spring_model(
         friction=value["friction"],
         contact_radius=max(0.0, rests_at),
         controller_stiffness=stiffness,
-        controller_radius=value["controller_radius"] * shape.spacing,
-        controller_neighbours=round(value["controller_neighbours"]),
+        controller_radius=shape.grasp_radius,
+        controller_neighbours=GRASP_NEIGHBOURS,
         **further,
     )
     return ObjectModel(

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_matrix, csc_matrix, identity
 from scipy.sparse.linalg import splu
 
-from egophys_core.twin import ObjectModel
+from egophys_core.twin import ObjectModel, SpringGraph
 
 REGULAR = 1e-9
 """Share of the largest stiffness added to the diagonal: what no spring holds stays where it is."""
@@ -55,19 +55,38 @@ def with_weight_carried(model: ObjectModel, masses: np.ndarray) -> ObjectModel:
     Args:
         masses: [N] kg, of its nodes.
     """
-    graph, positions = model.graph, model.graph.positions.astype(np.float64)
-    along, lengths = _directions(positions, graph.springs)
+    weights = model.parameters.gravity * masses
+    graph = model.graph
+    elongation = elongation_by_weight(graph.positions, graph.springs, model.stiffness.astype(np.float64), weights)
+    return replace(model, graph=with_elongation(graph, elongation))
+
+
+def with_elongation(graph: SpringGraph, elongation: np.ndarray) -> SpringGraph:
+    """The graph with springs that are longer than at rest by [E] metres where it lies, negative if they are shorter."""
+    lengths = _directions(graph.positions.astype(np.float64), graph.springs)[1]
+    rest_lengths = np.clip(lengths - elongation, *(np.array(SHORTEST_TO_LONGEST)[:, None] * lengths))
+    return replace(graph, rest_lengths=rest_lengths.astype(np.float32))
+
+
+def elongation_by_weight(
+    nodes: np.ndarray, springs: np.ndarray, stiffness: np.ndarray, weights: np.ndarray
+) -> np.ndarray:
+    """[E] metres by which weights [N], N, on nodes [N, 3] that stand on a foot make springs [E, 2] longer.
+
+    Inversely proportional to the stiffness [E], N/m.
+    """
+    positions = nodes.astype(np.float64)
+    along, lengths = _directions(positions, springs)
     low = positions[:, 2] - positions[:, 2].min()
     foot = low <= max(FOOT * float(np.median(lengths)), float(np.sort(low)[min(FEWEST_OF_FOOT, len(low)) - 1]))
     weight = np.zeros_like(positions)
-    weight[:, 2] = -model.parameters.gravity * masses
-    matrix = stiffness_matrix(positions, graph.springs, model.stiffness.astype(np.float64))
+    weight[:, 2] = -weights
+    matrix = stiffness_matrix(positions, springs, stiffness)
     free = np.repeat(~foot, 3)
     moved = np.zeros_like(positions)
-    moved.ravel()[free] = _solution(matrix[free][:, free], weight.ravel()[free])
-    elongation = ((moved[graph.springs[:, 1]] - moved[graph.springs[:, 0]]) * along).sum(axis=1)
-    rest_lengths = np.clip(lengths - elongation, *(np.array(SHORTEST_TO_LONGEST)[:, None] * lengths))
-    return replace(model, graph=replace(graph, rest_lengths=rest_lengths.astype(np.float32)))
+    if free.any():
+        moved.ravel()[free] = _solution(matrix[free][:, free], weight.ravel()[free])
+    return np.asarray(((moved[springs[:, 1]] - moved[springs[:, 0]]) * along).sum(axis=1))
 
 
 def equilibrium(

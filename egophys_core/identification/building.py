@@ -78,22 +78,23 @@ def build(
 
 
 def predict(model: ObjectModel, problem: FitProblem) -> np.ndarray:
-    """[T, N, 3] metres: the model driven by an episode's controllers from its first frame.
+    """[T, N, 3] metres: the model driven by an episode's controllers; until shortly before contact it is at rest.
 
     Raises:
         SimulationError: the rollout diverged.
     """
+    first = problem.first_frame
     result = rollout(
         batch_of_models(
             [model],
-            [problem.controls],
+            [problem.controls.part(slice(first, None))],
             starts=[problem.start],
             velocities=[problem.velocities],
             ground_height=problem.episode.ground_height,
         )
     )
     result.raise_on_failure()
-    return result.positions[0]
+    return np.concatenate([np.repeat(problem.start[None], first, axis=0), result.positions[0]])
 
 
 def evaluate_twin(twin: Twin, episode: AnyEpisode) -> tuple[Scores, np.ndarray]:

@@ -24,7 +24,7 @@ from egophys_core.kinds import kind_named
 from egophys_core.kinds.kind import RestShape
 from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.observation.problem import FitProblem
-from egophys_core.simulation import batch_of_models, rollout
+from egophys_core.simulation import batch_of_models, filled_up, rollout
 from egophys_core.twin import ObjectModel
 
 WORST_LOSS = 1.0
@@ -106,15 +106,17 @@ def fit_coarse(
 def _strategy(shape: RestShape, options: FitOptions, seed: int) -> cma.CMAEvolutionStrategy:
     """CMA-ES at its start, with a random generator of its own."""
     generator = np.random.default_rng(seed)
+    start = [number.start_u for number in surface_model(kind_named(shape.kind)).searched]
+    # The usual 4 + 3 ln D (Hansen, "The CMA evolution strategy: a tutorial", 2016), and those that cost nothing more.
+    usual = filled_up(4 + int(3 * np.log(len(start))))
     settings = {
         "bounds": [0.0, 1.0],
         # cma seeds NumPy's global generator unless it is given a generator of its own and no seed.
         "seed": np.nan,
         "randn": lambda *size: generator.standard_normal(size),
         "verbose": -9,
-        **({"popsize": options.population} if options.population else {}),
+        "popsize": options.population or usual,
     }
-    start = [number.start_u for number in surface_model(kind_named(shape.kind)).searched]
     return cma.CMAEvolutionStrategy(start, options.step_size, settings)
 
 

@@ -17,7 +17,9 @@ class FitOptions:
     """How a twin is fitted to episodes."""
 
     generations: int = number(50, low=1, high=10_000, doc="generations of CMA-ES")
-    population: int = number(0, low=0, high=1000, doc="candidates per generation; 0 is the default of CMA-ES")
+    population: int = number(
+        0, low=0, high=1000, doc="candidates per generation; 0 is what CMA-ES takes, and more where they cost nothing"
+    )
     step_size: float = number(0.2, low=0.01, high=1.0, doc="initial step of CMA-ES in normalised coordinates")
     frame_stride: int = number(2, low=1, high=30, doc="every how many-th train frame the loss looks at")
     dense_steps: int = number(25, low=0, high=10_000, doc="steps of dense refinement after the search; 0 is none")

@@ -6,7 +6,7 @@ from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.effect_gradients import effect_gradients
 from egophys_core.simulation.frames import into_world
 from egophys_core.simulation.model_batch import batch_of_models, spring_order
-from egophys_core.simulation.rollout import Rollout, rollout
+from egophys_core.simulation.rollout import Rollout, filled_up, rollout
 
 __all__ = [
     "LANES",
@@ -18,6 +18,7 @@ __all__ = [
     "RolloutBatch",
     "batch_of_models",
     "effect_gradients",
+    "filled_up",
     "into_world",
     "rollout",
     "spring_order",

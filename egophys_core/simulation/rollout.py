@@ -46,6 +46,11 @@ class Rollout:
                 raise SimulationError(f"rollout {index}: {failure}")
 
 
+def filled_up(count: int) -> int:
+    """As many rollouts as take no longer than `count` of them, 1 or more: those that fill the lanes of their groups."""
+    return LANES * group_count(count)
+
+
 def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, device: str = "cpu") -> Rollout:
     """Advance all rollouts of a batch over the frames of their controls.
 

@@ -51,6 +51,31 @@ class PointMap:
     """[S, S] float32 in 0..1; 0 where unknown."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class HandLandmarks:
+    """One hand in a view: wrist, then base, two joints and tip of the thumb and of each finger, index to little.
+
+    Where nothing is known of a landmark it is NaN.
+    """
+
+    pixels: np.ndarray
+    """[21, 2] float64, x and y."""
+    metric: np.ndarray
+    """[21, 3] float64, metres from near the hand's middle; the axes (x right, y down, z away) are those of a camera
+    that looks straight at the hand, upright as the view."""
+    right: float
+    """0..1: how likely it is a right hand."""
+    score: float
+    """0..1: how likely it is a hand."""
+
+
+class HandLandmarker(Protocol):
+    """A view -> the landmarks of its hands."""
+
+    def hands(self, view: View) -> list[HandLandmarks]:
+        """The hands that are found, none twice; the pose of the view is not used."""
+
+
 class Segmenter(Protocol):
     """Views -> masks, one each, in order, without keeping the views."""
 

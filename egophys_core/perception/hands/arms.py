@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from egophys_core.perception.hands.landmark_depth import LandmarkGrip
 from egophys_core.perception.masks.silhouette import inside
 
 FEWEST_PIXELS = 250
@@ -42,6 +43,8 @@ class SeenArm:
     """[2] pixel x, y: where the hand holds or pushes."""
     radius: float
     """Pixels: half of the width of the hand."""
+    landmarks: LandmarkGrip | None = None
+    """The grip by landmarks of the hand, where they were looked for and found."""
 
 
 def find_arms(hand: np.ndarray, surface: np.ndarray) -> list[SeenArm]:

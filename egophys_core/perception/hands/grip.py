@@ -74,7 +74,8 @@ def carried(pixels: np.ndarray, motion: np.ndarray) -> np.ndarray:
 
 
 def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: float) -> HandGrip:
-    """Where a hand acts when the object begins to move: the middle of what it covers, or else ahead of its middle.
+    """Where a hand acts when the object begins to move: by its landmarks, else in the middle of what it covers, else
+    ahead of its middle.
 
     Args:
         arm: of the hand.
@@ -83,7 +84,8 @@ def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: fl
         focal: focal length, pixels.
     """
     rows, columns = np.nonzero(arm.mask & surface)
-    pixel = np.array([columns.mean(), rows.mean()]) if len(rows) >= FEWEST_COVERED else arm.grip
+    by_cover = arm.landmarks is None and len(rows) >= FEWEST_COVERED
+    pixel = np.array([columns.mean(), rows.mean()]) if by_cover else arm.grip
     away = np.linalg.norm(vertices[:, :2] - pixel, axis=1) * vertices[:, 2] / focal
     is_held = len(rows) >= HELD_SHARE * np.pi * arm.radius**2
     there = np.flatnonzero(is_held & (away <= max(HELD_RADIUS_M, float(away.min()))))
@@ -92,6 +94,8 @@ def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: fl
 
 def follow(grip: HandGrip, motion: np.ndarray | None, arm: SeenArm) -> HandGrip:
     """The grip in the next view, in which the hand was found."""
+    if arm.landmarks is not None:
+        return replace(grip, pixel=arm.grip, beside=arm.grip - arm.centre)
     if motion is None:
         return replace(grip, pixel=arm.centre + grip.beside)
     pixel = carried(grip.pixel[None], motion)[0]

@@ -1,11 +1,14 @@
 """Where a hand holds: its motion in the image, and the place that goes along."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from egophys_core.perception.hands.arms import SeenArm, find_arms
 from egophys_core.perception.hands.grip import carried, follow, hand_motion, take_grip
+from egophys_core.perception.hands.landmark_depth import LandmarkGrip
 from tests.perception.hands.arm_drawing import SIDE, arm_mask, disc
 
 FOCAL = 300.0
@@ -87,6 +90,17 @@ def test_without_a_motion_it_jumps_to_the_hand() -> None:
     arm, there = arm_at(), arm_at(240, 180)
     grip = take_grip(arm, OBJECT, vertices(), FOCAL)
     np.testing.assert_allclose(follow(grip, None, there).pixel - there.centre, grip.pixel - arm.centre)
+
+
+def test_landmarks_tell_the_place_where_they_are_found_and_where_it_is_beside_the_hand() -> None:
+    arm, place = arm_at(160), np.array([130.0, 150])
+    by_landmarks = replace(arm, grip=place, landmarks=LandmarkGrip(pixel=place, depth=0.5, sigma=0.03))
+    np.testing.assert_array_equal(take_grip(by_landmarks, OBJECT, vertices(), FOCAL).pixel, place)
+    drifting = STAY + [[0, 0, 20.0], [0, 0, 20.0]]
+    grip = follow(take_grip(arm, OBJECT, vertices(), FOCAL), drifting, by_landmarks)
+    np.testing.assert_array_equal(grip.pixel, place)
+    there = arm_at(200, 175)
+    np.testing.assert_allclose(follow(grip, None, there).pixel - there.centre, place - arm.centre)
 
 
 def test_drift_of_the_flow_is_taken_off() -> None:

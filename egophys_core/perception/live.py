@@ -39,7 +39,10 @@ class LiveObserver:
 
         Raises:
             OptionsError: learned stages are asked for.
+            LearnedModelError: landmarks of hands are asked for, and their models are missing or do not fit.
         """
+        from egophys_core.perception.learned.loading import load_landmarker
+
         require_live(options or PerceptionOptions())
         self._camera = camera
         self._options = options or PerceptionOptions()
@@ -48,7 +51,8 @@ class LiveObserver:
         self._finder = BoardPoseFinder(self._board, self._full.matrix)
         self._table = TableFollower(self._full.matrix)
         self._square: SquareView | None = None
-        self._scene = SceneObserver(self._options, self._board)
+        self._landmarker = load_landmarker(self._options)
+        self._scene = self._new_scene()
         self._near: CameraPose | None = None
         self._stamp_ns = 0
         self.status = "waiting for the first frame"
@@ -94,7 +98,7 @@ class LiveObserver:
                 observations = self._scene.add(view)
         except EpisodeError as error:
             # Try again with the next second; the object may not have been in view yet.
-            self._scene = SceneObserver(self._options, self._board)
+            self._scene = self._new_scene()
             self.status = f"learning the object at rest failed: {error}"
             return []
         if observations:
@@ -103,3 +107,6 @@ class LiveObserver:
         elif self._scene.rest is None:
             self.status = "learning the object at rest: keep hands away"
         return observations
+
+    def _new_scene(self) -> SceneObserver:
+        return SceneObserver(self._options, self._board, landmarker=self._landmarker)

@@ -35,6 +35,15 @@ class Stages(StrEnum):
     """Grounding DINO with SAM 2, CoTracker3 and VGGT, as in the paper; hand and object are in view throughout."""
 
 
+class HandCue(StrEnum):
+    """What tells where a hand holds or pushes, and how deep in the view it is."""
+
+    SHAPE = "shape"
+    """The outline of the arm: no weights; also gloves and grippers."""
+    MEDIAPIPE = "mediapipe"
+    """Landmarks of MediaPipe Hands, for real hands; the outline where none are found."""
+
+
 class Device(StrEnum):
     """Where learned stages run."""
 
@@ -76,7 +85,11 @@ class PerceptionOptions:
     stages: Stages = choice(  # noqa: RUF009
         Stages.CLASSICAL, doc="classical (no weights), or learned: the models of the paper, see docs/learned_models.md"
     )
-    weights: str = text("", doc="folder with the weights of learned stages")
+    hands: HandCue = choice(  # noqa: RUF009
+        HandCue.SHAPE,
+        doc="shape (no weights), or mediapipe: landmarks of real hands, needs weights, see docs/learned_models.md",
+    )
+    weights: str = text("", doc="folder with the weights of learned stages and of mediapipe")
     object_prompt: str = text("object", doc="what learned stages look for, in words: 'a towel'")
     device: Device = choice(Device.CPU, doc="where learned stages run: cpu or cuda")  # noqa: RUF009
 
@@ -85,6 +98,14 @@ class PerceptionOptions:
         if self.stages == Stages.LEARNED and not self.weights:
             raise OptionsError(
                 "stages learned needs weights, the folder that holds them; docs/learned_models.md says which"
+            )
+        if self.hands == HandCue.MEDIAPIPE and not self.weights:
+            raise OptionsError(
+                "hands mediapipe needs weights, the folder that holds its two models; docs/learned_models.md says which"
+            )
+        if self.hands == HandCue.MEDIAPIPE and self.stages == Stages.LEARNED:
+            raise OptionsError(
+                "hands mediapipe goes with stages classical; learned stages find hands by themselves: leave one out"
             )
         if self.completion == Completion.GENERATED and self.stages != Stages.LEARNED:
             raise OptionsError("completion generated is a learned stage: it needs stages learned, and weights")

@@ -124,8 +124,11 @@ def _perceive(
 ) -> Perceived:
     if options.stages == Stages.LEARNED:
         return _perceive_by_learned_stages(video, options, board, on_observation, tell)
+    from egophys_core.perception.learned.loading import load_landmarker
+
+    landmarker = load_landmarker(options)
     camera = find_camera_path(video, board, height_m=options.camera_height_m, tell=tell)
-    scene = SceneObserver(options, camera.board)
+    scene = SceneObserver(options, camera.board, landmarker=landmarker)
     assembly: EpisodeAssembly | None = None
     seen = SecondsSeen(least_confidence=options.least_confidence)
 

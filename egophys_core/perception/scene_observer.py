@@ -10,12 +10,13 @@ from egophys_core.perception.camera.board import Board
 from egophys_core.perception.hands.arms import SeenArm
 from egophys_core.perception.hands.hand_points import at_depth, ball
 from egophys_core.perception.hands.hand_tracks import MOST_HANDS, HandTracks
+from egophys_core.perception.hands.landmarked_arms import LandmarkedArms
 from egophys_core.perception.masks.colour_model import is_black
 from egophys_core.perception.masks.mask_tracker import MaskTracker
 from egophys_core.perception.masks.object_finder import find_object
 from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import PerceptionOptions
-from egophys_core.perception.stages import Masks, View
+from egophys_core.perception.stages import HandLandmarker, Masks, View
 from egophys_core.perception.surface.confidence import PointConfidence
 from egophys_core.perception.surface.rest_surface import RestObject, rest_object
 from egophys_core.perception.surface.surface_render import project
@@ -37,13 +38,20 @@ class _Seen:
 class SceneObserver:
     """Learns the object at rest from the first second, then follows object and hand."""
 
-    def __init__(self, options: PerceptionOptions, board: Board | None, table_height: float = 0.0) -> None:
+    def __init__(
+        self,
+        options: PerceptionOptions,
+        board: Board | None,
+        table_height: float = 0.0,
+        landmarker: HandLandmarker | None = None,
+    ) -> None:
         """Nothing is known yet.
 
         Args:
             options: of perception.
             board: what lies on the table and is not the object; None if there is no board.
             table_height: z of the table, metres.
+            landmarker: tells where hands hold and how deep they are; by their shape if None.
         """
         self._options = options
         self._board_corners = None if board is None else board_outline(board)
@@ -51,6 +59,7 @@ class SceneObserver:
         self._waiting: list[View] = []
         self._masks: MaskTracker | None = None
         self._hands = HandTracks()
+        self._landmarked = None if landmarker is None else LandmarkedArms(landmarker)
         self._forward: _Follower | None = None
         self.rest: RestObject | None = None
         """The object at rest, once it is known."""
@@ -114,7 +123,8 @@ class SceneObserver:
         return [*reversed(before), at_rest, *after]
 
     def _seen(self, view: View, masks: Masks, surface: np.ndarray) -> _Seen:
-        return _Seen(view=view, masks=masks, arms=self._hands.next(masks.hand, surface))
+        arms = self._hands.next(masks.hand, surface)
+        return _Seen(view=view, masks=masks, arms=self._landmarked.next(arms, view) if self._landmarked else arms)
 
 
 class _Follower:

@@ -1,11 +1,15 @@
 """The live observer: as the recorded pipeline, frame by frame, and never down for a bad frame."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from egophys_core.perception.camera.lens import Camera
+from egophys_core.perception.learned import LearnedModelError
 from egophys_core.perception.live import LiveObserver
 from egophys_core.perception.observation import Observation
+from egophys_core.perception.options import HandCue
 from tests.perception.surface.surface_scene import MATRIX, OPTIONS, SIDE, DrawnFrame, material_of, surface, video
 
 FRAMES = video()[:24]
@@ -17,6 +21,12 @@ Live = tuple[list[list[Observation]], list[str]]
 
 def observer() -> LiveObserver:
     return LiveObserver(Camera(width=SIDE, height=SIDE, matrix=MATRIX, coefficients=np.zeros(5)), options=OPTIONS)
+
+
+def test_missing_models_of_hands_are_told_before_the_first_frame(tmp_path):
+    camera = Camera(width=SIDE, height=SIDE, matrix=MATRIX, coefficients=np.zeros(5))
+    with pytest.raises(LearnedModelError, match="lacks palm_detection"):
+        LiveObserver(camera, options=replace(OPTIONS, hands=HandCue.MEDIAPIPE, weights=str(tmp_path)))
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,9 @@ import pytest
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.scene_observer import SceneObserver, board_outline
-from tests.perception.surface.surface_scene import OPTIONS, SIDE, video
+from egophys_core.perception.stages import HandLandmarks, View
+from tests.perception.hands.drawn_hand import pinching_hand, seen_hand
+from tests.perception.surface.surface_scene import MATRIX, OPTIONS, SIDE, DrawnFrame, video
 
 VIEWS = [each.view for each in video()[:16]]
 UNKNOWN = np.full((4, 4), np.nan)
@@ -57,6 +59,36 @@ def test_points_out_of_the_depth_range_are_not_trusted() -> None:
     assert not any(scene.add(view) for view in VIEWS[:6])
     found = scene.finish()
     assert max(each.confidence.max() for each in found) == 0
+
+
+class HandAtMask:
+    """A `HandLandmarker` that puts a hand half a metre away on the true mask of the hand, if there is one."""
+
+    def __init__(self, frames: list[DrawnFrame]) -> None:
+        self.masks = {each.stamp_ns: each.masks.hand for each in frames}
+        self.found: dict[int, HandLandmarks] = {}
+
+    def hands(self, view: View) -> list[HandLandmarks]:
+        rows, columns = np.nonzero(self.masks[view.stamp_ns])
+        self.found[view.stamp_ns] = seen_hand(pinching_hand(), (columns.mean(), rows.mean()), 0.5, matrix=MATRIX)
+        return [self.found[view.stamp_ns]]
+
+
+def test_landmarks_tell_where_hands_are() -> None:
+    frames = list(video()[9:21])
+    landmarker = HandAtMask(frames)
+    scene = SceneObserver(replace(OPTIONS, still_s=0.13), Board(), landmarker=landmarker)
+    found = [one for frame in frames for one in scene.add(frame.view)]
+    handled = [each for each in found if each.hands]
+    assert len(handled) > 2
+    assert set(landmarker.found) == {each.view.stamp_ns for each in handled}
+    for each in handled:
+        (sight,) = each.hands.values()
+        hand = landmarker.found[each.view.stamp_ns]
+        np.testing.assert_allclose(sight.pixel, hand.pixels[[4, 8]].mean(axis=0))
+    sight = handled[0].hands[0]
+    assert not sight.has_contact
+    assert sight.depth == pytest.approx(0.47, abs=0.03)
 
 
 def test_the_sheet_of_the_board_is_a_gap_wider_than_its_tags() -> None:

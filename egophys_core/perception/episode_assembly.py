@@ -11,13 +11,9 @@ from egophys_core.geometry import farthest_points
 from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.observation import HandSight, Observation
-from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
+from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import View
-from egophys_core.perception.surface.rest_surface import RestObject
 from egophys_core.perception.surface.track_filter import consistent_motion
-
-INFERRED_CONFIDENCE = 0.5
-"""Of points that were never seen but inferred from symmetry."""
 
 
 @dataclass
@@ -25,7 +21,6 @@ class EpisodeAssembly:
     """Keeps of each observation what the episode needs: a few points, not the images."""
 
     options: PerceptionOptions
-    rest: RestObject
     _chosen: np.ndarray | None = None
     _stamps_ns: list[int] = field(default_factory=list)
     _points: list[np.ndarray] = field(default_factory=list)
@@ -39,8 +34,10 @@ class EpisodeAssembly:
             self._chosen = farthest_points(observation.points, self.options.object_points)
         view = observation.view
         self._stamps_ns.append(view.stamp_ns)
-        self._points.append(observation.points[self._chosen].astype(np.float32))
-        self._confidence.append(observation.confidence[self._chosen].astype(np.float32))
+        points = np.vstack([observation.points[self._chosen], observation.hidden_points])
+        confidence = np.append(observation.confidence[self._chosen], observation.hidden_confidence)
+        self._points.append(points.astype(np.float32))
+        self._confidence.append(confidence.astype(np.float32))
         self._hands.append(observation.hands)
         nothing = np.zeros((0, 0, 3), np.uint8)
         self._cameras.append(
@@ -75,7 +72,7 @@ class EpisodeAssembly:
         points[confidence < self.options.least_confidence] = np.nan
         points[~consistent_motion(points)] = np.nan
         kept = np.isfinite(points).any(axis=(0, 2))
-        points, confidence = self._completed(points[:, kept], confidence[:, kept], ground_height)
+        points, confidence = points[:, kept], confidence[:, kept]
         confidence[~np.isfinite(points).all(axis=2)] = 0.0
         paths = hand_paths(self._hands, self._cameras)
         around = ball(max(self.options.controllers // max(len(paths), 1), 1))
@@ -92,19 +89,3 @@ class EpisodeAssembly:
             controller_ids=np.arange(hands.shape[1], dtype=np.uint32),
             ground_height=ground_height,
         )
-
-    def _completed(
-        self, points: np.ndarray, confidence: np.ndarray, ground_height: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """With the hidden side of a solid, in the views before it is touched: nothing is known of it later."""
-        model = self.rest.model
-        hidden = model.rest[len(model.mesh.pixels) :]
-        if self.rest.kind != ObjectKind.SOLID or self.options.completion == Completion.NONE or not len(hidden):
-            return points, confidence
-        hidden = hidden[farthest_points(hidden, self.options.object_points // 2)]
-        before = self.grip_frame if self.grip_frame > 0 else 1
-        added = np.full((len(points), len(hidden), 3), np.nan, np.float32)
-        added[:before] = hidden
-        sure = np.zeros(added.shape[:2], np.float32)
-        sure[:before] = INFERRED_CONFIDENCE
-        return np.concatenate([points, added], axis=1), np.concatenate([confidence, sure], axis=1)

@@ -1,7 +1,7 @@
 """What perception knows of one view, for publishing, drawing and stacking into an episode."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -46,3 +46,7 @@ class Observation:
     """[C, 3] float64, metres, frame world: points of the hands, in the same order in every view; NaN where unknown."""
     hands: Mapping[int, HandSight]
     """The hands that are seen, by number."""
+    hidden_points: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    """[H, 3] float64, metres, frame world: points of the side that is not seen at rest, inferred from symmetry."""
+    hidden_confidence: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """[H] float64 in 0..1."""

@@ -129,15 +129,11 @@ def _perceive(
     landmarker = load_landmarker(options)
     camera = find_camera_path(video, board, height_m=options.camera_height_m, tell=tell)
     scene = SceneObserver(options, camera.board, landmarker=landmarker)
-    assembly: EpisodeAssembly | None = None
+    assembly = EpisodeAssembly(options=options)
     seen = SecondsSeen(least_confidence=options.least_confidence)
 
     def take(observations: list[Observation]) -> None:
-        nonlocal assembly
         for observation in observations:
-            if assembly is None:
-                assert scene.rest is not None
-                assembly = EpisodeAssembly(options=options, rest=scene.rest)
             assembly.add(observation)
             seen.add(observation)
             on_observation(observation)
@@ -146,7 +142,6 @@ def _perceive(
         take(scene.add(view))
         tell("shape", min((index + 1) / len(camera.stamps_ns), 1.0))
     take(scene.finish())
-    assert assembly is not None
     assert scene.rest is not None
     episode = assembly.episode(_episode_name(video, camera), ground_height=0.0)
     report = _report(camera, scene, assembly, episode, seen)
@@ -246,7 +241,7 @@ def _report(
     elif assembly.grip_frame < 0:
         notes.append("a hand was seen but the object never moved under it: the episode has no controllers")
     if rest.kind == ObjectKind.SOLID:
-        notes.append("the hidden side was inferred from symmetry, in the views before the object is touched")
+        notes.append("the hidden side was inferred from symmetry and moves along with the rest of the body")
     return PerceptionReport(
         frames=len(track.known),
         posed=posed,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.errors import EpisodeError
+from egophys_core.geometry import farthest_points
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.hands.arms import SeenArm
 from egophys_core.perception.hands.hand_points import at_depth, ball
@@ -15,9 +16,9 @@ from egophys_core.perception.masks.colour_model import is_black
 from egophys_core.perception.masks.mask_tracker import MaskTracker
 from egophys_core.perception.masks.object_finder import find_object
 from egophys_core.perception.observation import HandSight, Observation
-from egophys_core.perception.options import PerceptionOptions
+from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
 from egophys_core.perception.stages import HandLandmarker, Masks, View
-from egophys_core.perception.surface.confidence import PointConfidence
+from egophys_core.perception.surface.confidence import PointConfidence, confidence_of, growth_sigma
 from egophys_core.perception.surface.rest_surface import RestObject, rest_object
 from egophys_core.perception.surface.surface_render import project
 from egophys_core.perception.surface.surface_tracker import SurfaceState, SurfaceTracker
@@ -136,6 +137,8 @@ class _Follower:
         self._corners = rest.model.mesh.triangles[rest.feature_triangles]
         self._surface = SurfaceTracker(rest, reference.view)
         self._confidence = PointConfidence(self._points(rest.model.rest))
+        self._hidden = _hidden(rest, options)
+        self._is_solid = rest.kind == ObjectKind.SOLID
         self._ball = ball(max(options.controllers // MOST_HANDS, 1))
 
     def at_rest(self, seen: _Seen) -> Observation:
@@ -163,8 +166,11 @@ class _Follower:
     def _observation(self, seen: _Seen, state: SurfaceState) -> Observation:
         view, mesh = seen.view, self._rest.model.mesh
         points = self._points(state.positions)
-        sigma = (self._rest.feature_weights * state.sigma[self._corners]).sum(axis=1)
-        confidence = self._confidence.next(points, sigma, state.seen)
+        every_sigma = self._sigma(view, state)
+        sigma = (self._rest.feature_weights * every_sigma[self._corners]).sum(axis=1)
+        # A solid is whole: each of its points is as sure as the motion of the body, whether it is seen or not.
+        known = np.ones(len(points), bool) if self._is_solid else state.seen
+        confidence = self._confidence.next(points, sigma, known)
         projected = project(points, view.camera_matrix, view.world_from_camera)
         vertices = project(state.positions[: len(mesh.pixels)], view.camera_matrix, view.world_from_camera)
         depth = projected[:, 2]
@@ -186,7 +192,19 @@ class _Follower:
                 )
                 for number, hand in state.hands.items()
             },
+            hidden_points=state.positions[self._hidden],
+            hidden_confidence=confidence_of(every_sigma[self._hidden]),
         )
+
+    def _sigma(self, view: View, state: SurfaceState) -> np.ndarray:
+        """[W] metres: deviation of each point of the model."""
+        heights = state.positions[:, 2] - self._rest.model.lowest
+        if self._is_solid:
+            heights = np.full(len(heights), heights.min())
+        depths = project(state.positions, view.camera_matrix, view.world_from_camera)[:, 2]
+        holding = sum(hand.has_contact for hand in state.hands.values())
+        growth = growth_sigma(heights, depths, holding)
+        return np.asarray(np.sqrt(state.sigma**2 + self._rest.sigma**2 + growth**2))
 
     def _hand_points(self, view: View, state: SurfaceState) -> np.ndarray:
         """[C, 3] metres, frame world: as many of each hand; NaN before it has contact and while it is not seen."""
@@ -195,6 +213,14 @@ class _Follower:
             if hand.has_contact:
                 points[number] = at_depth(hand.pixel[None], hand.depth, view) + self._ball
         return points.reshape(-1, 3)
+
+
+def _hidden(rest: RestObject, options: PerceptionOptions) -> np.ndarray:
+    """[H] int: points of the model for the side of a solid that is not seen at rest, if they are wanted."""
+    first = len(rest.model.mesh.pixels)
+    if options.completion == Completion.NONE or len(rest.model.rest) == first:
+        return np.zeros(0, int)
+    return first + farthest_points(rest.model.rest[first:], options.object_points // 2)
 
 
 def board_outline(board: Board) -> np.ndarray:

@@ -8,7 +8,6 @@ from scipy.spatial import cKDTree
 
 from egophys_core.episode import Episode
 from egophys_core.geometry import farthest_points
-from egophys_core.perception.episode_assembly import INFERRED_CONFIDENCE
 from egophys_core.perception.observation import Observation
 from egophys_core.perception.options import ObjectKind, PerceptionOptions
 from egophys_core.perception.staged import StageSet, episode_from_stages
@@ -17,6 +16,9 @@ from egophys_core.perception.surface.rest_surface import FLATTEST_M
 from egophys_core.perception.surface.surface_render import project
 
 Views = Callable[[], Iterable[View]]
+
+INFERRED_CONFIDENCE = 0.5
+"""Of points that were never seen but generated."""
 
 
 class KeptMasks:

@@ -9,10 +9,8 @@ from egophys_core.errors import EpisodeError
 from egophys_core.perception.episode_assembly import EpisodeAssembly
 from egophys_core.perception.hands.hand_points import at_depth
 from egophys_core.perception.observation import HandSight, Observation
-from egophys_core.perception.options import Completion, ObjectKind, PerceptionOptions
-from egophys_core.perception.surface.rest_surface import RestObject
+from egophys_core.perception.options import PerceptionOptions
 from tests.perception.observations import observations
-from tests.perception.surface.surface_scene import object_at_rest
 
 OPTIONS = PerceptionOptions(object_points=60, controllers=8)
 GRIP = 4
@@ -41,10 +39,8 @@ def seen(count: int = 10, *, grips: tuple[int | None, ...] = (GRIP,)) -> list[Ob
     ]
 
 
-def assembled(
-    given: list[Observation], rest: RestObject | None = None, options: PerceptionOptions = OPTIONS
-) -> EpisodeAssembly:
-    assembly = EpisodeAssembly(options=options, rest=rest or object_at_rest("sheet"))
+def assembled(given: list[Observation], options: PerceptionOptions = OPTIONS) -> EpisodeAssembly:
+    assembly = EpisodeAssembly(options=options)
     for each in given:
         assembly.add(each)
     return assembly
@@ -146,24 +142,21 @@ def test_hand_that_is_lost_goes_straight() -> None:
     np.testing.assert_allclose(episode.controllers[7], episode.controllers[[5, 9]].mean(axis=0), atol=1e-4)
 
 
-def test_hidden_side_of_a_solid_is_there_until_the_grip() -> None:
-    dome = object_at_rest("dome")
-    episode = assembled(seen(), dome).episode("drawn", 0.0)
+def test_hidden_side_is_there_while_it_is_sure() -> None:
+    behind = np.random.default_rng(3).uniform(-0.1, 0.1, (30, 3)) + [0, 0, 0.2]
+    sure = np.linspace(0.9, 0.1, 10)
+    given = [
+        replace(each, hidden_points=behind, hidden_confidence=np.full(30, confidence))
+        for each, confidence in zip(seen(), sure, strict=True)
+    ]
+    episode = assembled(given).episode("drawn", 0.0)
     added = episode.points[:, 60:]
     assert added.shape[1] == 30
-    assert np.isfinite(added[:GRIP]).all()
-    assert np.isnan(added[GRIP:]).all()
-    assert (episode.confidence[:GRIP, 60:] == 0.5).all()
-    assert not episode.confidence[GRIP:, 60:].any()
-
-
-@pytest.mark.parametrize("completion", [Completion.SYMMETRIC, Completion.NONE])
-def test_sheets_are_not_completed_and_solids_only_if_wanted(completion: Completion) -> None:
-    options = replace(OPTIONS, completion=completion)
-    assert assembled(seen(), options=options).episode("drawn", 0.0).points.shape[1] == 60
-    solid = assembled(seen(), object_at_rest("dome"), options).episode("drawn", 0.0).points.shape[1]
-    assert solid == (90 if completion == Completion.SYMMETRIC else 60)
-    assert object_at_rest("dome").kind == ObjectKind.SOLID
+    np.testing.assert_allclose(added[sure >= 0.5], np.broadcast_to(behind, (5, 30, 3)), atol=1e-6)
+    assert np.isnan(added[sure < 0.5]).all()
+    np.testing.assert_allclose(
+        episode.confidence[:, 60:], np.where(sure >= 0.5, sure, 0)[:, None] * np.ones(30), atol=1e-6
+    )
 
 
 def test_one_view_is_an_error() -> None:

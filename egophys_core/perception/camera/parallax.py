@@ -33,6 +33,8 @@ class RestSurface:
 
     positions: np.ndarray
     """[V, 3] metres, frame world."""
+    inverse: np.ndarray
+    """[V] 1/m: inverse depths along the optical axis of the reference view."""
     depth_sigma: np.ndarray
     """[V] metres: standard deviation along the ray of the reference view."""
     residual: np.ndarray
@@ -46,6 +48,7 @@ def surface_from_parallax(
     weights: np.ndarray,
     tracks: np.ndarray,
     table_height: float,
+    shape: np.ndarray | None = None,
 ) -> RestSurface:
     """Least squares for the inverse depths, robust against wrong tracks.
 
@@ -56,6 +59,7 @@ def surface_from_parallax(
         weights: [M, 3] barycentric coordinates.
         tracks: [T, M, 2] pixels; NaN where not tracked.
         table_height: z of the table, metres.
+        shape: [V] 1/m: inverse depths that cost nothing, up to a plane; None for planes alone.
     """
     reference = views[0]
     centre = reference.world_from_camera[:3, 3]
@@ -70,6 +74,7 @@ def surface_from_parallax(
     table_inverse = np.maximum(-rays[:, 2] / drop, 1e-3)
     inverse = table_inverse.copy()
     gaps = hinge_gaps(mesh.hinges, mesh.pixels)
+    free = np.zeros(len(inverse)) if shape is None else shape
     for _ in range(ITERATIONS):
         at_places = to_places @ inverse
         gradient, curvature = np.zeros(len(triangle)), np.zeros(len(triangle))
@@ -88,7 +93,7 @@ def surface_from_parallax(
             + sparse.diags(below**2 + 1e-9 / inverse**2)
         )
         slope_total = (
-            to_places.T @ gradient + roughness.T @ (roughness @ inverse) + below**2 * (inverse - table_inverse)
+            to_places.T @ gradient + roughness.T @ (roughness @ (inverse - free)) + below**2 * (inverse - table_inverse)
         )
         solver = splu(information.tocsc())
         inverse = np.clip(inverse - solver.solve(slope_total), 0.2 * table_inverse, 2.0 * table_inverse)
@@ -101,7 +106,10 @@ def surface_from_parallax(
         for view, observed in zip(views, tracks, strict=True)
     ]
     return RestSurface(
-        positions=centre + rays / inverse[:, None], depth_sigma=sigma, residual=np.array(median_residuals)
+        positions=centre + rays / inverse[:, None],
+        inverse=inverse,
+        depth_sigma=sigma,
+        residual=np.array(median_residuals),
     )
 
 

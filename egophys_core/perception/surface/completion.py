@@ -7,12 +7,8 @@ of the visible side runs around that point, so its mean is the middle; the top a
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from egophys_core.perception.surface.surface_mesh import SurfaceMesh, boundary_edges
-
-RIM_NEIGHBOURS = 3
-"""Points of the other side that each point of the outline is tied to."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,8 +17,8 @@ class ClosedSurface:
 
     positions: np.ndarray
     """[2 V, 3] metres: the visible vertices, then the point opposite each."""
-    links: np.ndarray
-    """[E, 2] int: edges of both sides, struts through the body and ties around the rim."""
+    triangles: np.ndarray
+    """[2 F, 3] int: those of both sides, turned alike as seen from outside."""
 
 
 def close_surface(mesh: SurfaceMesh, visible: np.ndarray, table_height: float) -> ClosedSurface:
@@ -34,21 +30,5 @@ def close_surface(mesh: SurfaceMesh, visible: np.ndarray, table_height: float) -
     middle[2] = (visible[:, 2].max() + table_height) / 2
     opposite = 2 * middle - visible
     opposite[:, 2] = np.maximum(opposite[:, 2], table_height)
-    count = len(visible)
-    rim = np.unique(outline)
-    near = cKDTree(opposite).query(visible[rim], k=RIM_NEIGHBOURS)[1]
-    links = np.vstack(
-        [
-            mesh.edges,
-            mesh.edges + count,
-            mesh.edges + [0, count],
-            mesh.edges[:, ::-1] + [0, count],
-            np.column_stack([np.arange(count), np.arange(count) + count]),
-            np.column_stack([np.repeat(rim, RIM_NEIGHBOURS), near.ravel() + count]),
-        ]
-    )
-    positions = np.vstack([visible, opposite])
-    links = np.unique(np.sort(links, axis=1), axis=0)
-    apart = np.linalg.norm(positions[links[:, 0]] - positions[links[:, 1]], axis=1)
-    # Two points at one place have no direction in which to keep their distance.
-    return ClosedSurface(positions=positions, links=links[apart > 0.1 * np.median(apart)])
+    turned_over = mesh.triangles[:, ::-1] + len(visible)
+    return ClosedSurface(positions=np.vstack([visible, opposite]), triangles=np.vstack([mesh.triangles, turned_over]))

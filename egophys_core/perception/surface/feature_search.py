@@ -1,6 +1,6 @@
 """Finds the features of a surface in a view: where a rendering shows them, and where they were in the view before.
 
-Comparing with a rendering that has the texture of the reference view keeps tracks from drifting and finds again what
+Comparing with a rendering that has the texture of an earlier view keeps tracks from drifting and finds again what
 was hidden. What the rendering does not explain is followed from the view before.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from egophys_core.perception.masks.silhouette import inside
 from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface.patch_match import LOST_PX, WINDOW, likeness, match
-from egophys_core.perception.surface.rest_surface import RestObject
+from egophys_core.perception.surface.surface_mesh import SurfaceTexture
 from egophys_core.perception.surface.surface_render import Rendering, facing, project, render, textured
 
 PATCH_SIGMA_PX = 0.6
@@ -23,9 +23,6 @@ FOLLOWED_SIGMA_PX = 1.0
 
 LEAST_LIKENESS = 0.75
 """Correlation below which a patch is not the one searched."""
-
-LEAST_SURFACE = 0.6
-"""Share of a patch that must be surface."""
 
 SAME_PLACE_PX = 3.0
 """Reference pixels: a feature is in front where the rendering shows its own place."""
@@ -55,6 +52,16 @@ class Found:
             features=self.features[kept], pixels=self.pixels[kept], sigma=self.sigma[kept], side=self.side[kept]
         )
 
+    def with_others(self, others: "Found") -> "Found":
+        """These first, then those of the others that are not among them."""
+        rest = others.without(self.features)
+        return Found(
+            features=np.append(self.features, rest.features),
+            pixels=np.vstack([self.pixels, rest.pixels]),
+            sigma=np.append(self.sigma, rest.sigma),
+            side=np.append(self.side, rest.side),
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class RenderedSurface:
@@ -68,49 +75,52 @@ class RenderedSurface:
     """What is in front where."""
 
 
-def scene_of(rest: RestObject, skins: tuple[np.ndarray, np.ndarray], view: View) -> RenderedSurface:
+def scene_of(triangles: np.ndarray, skins: tuple[np.ndarray, np.ndarray], view: View) -> RenderedSurface:
     """Project and render a surface.
 
     Args:
-        rest: the object.
+        triangles: [F, 3] int.
         skins: [W, 3] metres each: the skin that the reference view shows, and the other.
         view: its pose is known.
     """
-    mesh = rest.model.mesh
-    shown, other = (project(skin, view.camera_matrix, view.world_from_camera)[mesh.triangles] for skin in skins)
+    shown, other = (project(skin, view.camera_matrix, view.world_from_camera)[triangles] for skin in skins)
     front = facing(shown)
     corners = np.where(front[:, None, None], shown, other)
     return RenderedSurface(
-        corners=corners, side=np.where(front, 1.0, -1.0), rendering=render(mesh, corners, view.image.shape[:2])
+        corners=corners, side=np.where(front, 1.0, -1.0), rendering=render(corners, view.image.shape[:2])
     )
 
 
-def find_rendered(rest: RestObject, scene: RenderedSurface, evened: np.ndarray, masks: Masks, levels: int) -> Found:
+def find_rendered(
+    texture: SurfaceTexture, scene: RenderedSurface, evened: np.ndarray, masks: Masks, levels: int
+) -> Found:
     """Features that the rendering shows in front, searched around where it shows them.
 
     Args:
-        rest: the object.
+        texture: a picture of the surface, and its features.
         scene: as predicted.
         evened: [S, S] uint8: the view with even contrast.
         masks: of the view.
         levels: of the pyramid.
     """
-    corners = scene.corners[rest.feature_triangles]
-    places = np.einsum("nk,nkd->nd", rest.feature_weights, corners[:, :, :2])
+    corners = scene.corners[texture.feature_triangles]
+    places = np.einsum("nk,nkd->nd", texture.feature_weights, corners[:, :, :2])
     x, y = inside(places, evened.shape).T
     in_view = ((places > WINDOW / 2) & (places < np.array(evened.shape[::-1]) - WINDOW / 2)).all(axis=1)
-    own = np.linalg.norm(scene.rendering.source[y, x] - rest.feature_pixels, axis=1) < SAME_PLACE_PX
-    surface = cv2.blur(scene.rendering.silhouette.astype(np.float32), (WINDOW, WINDOW))[y, x] > LEAST_SURFACE
-    shown = np.flatnonzero(in_view & own & surface & _may_show(masks)[y, x])
-    drawn = textured(scene.rendering, rest.texture, np.full(evened.shape, 128, np.uint8))
+    source = scene.rendering.source(texture.corners)
+    own = np.linalg.norm(source[y, x] - texture.feature_pixels, axis=1) < SAME_PLACE_PX
+    drawn_there = np.isfinite(source[..., 0]).astype(np.float32)
+    surface = cv2.blur(drawn_there, (WINDOW, WINDOW))[y, x] > texture.least_surface
+    shown = np.flatnonzero(in_view & own & surface & may_show(masks)[y, x])
+    drawn = textured(source, texture.image, np.full(evened.shape, 128, np.uint8))
     found = match(drawn, evened, places[shown], levels=levels)
     alike = likeness(drawn, places[shown], evened, found.pixels)
     good = _is_good(found.returned, alike, found.pixels, masks)
     return Found(
-        features=shown[good],
+        features=texture.first + shown[good],
         pixels=found.pixels[good].astype(float),
         sigma=PATCH_SIGMA_PX / alike[good],
-        side=scene.side[rest.feature_triangles[shown[good]]],
+        side=scene.side[texture.feature_triangles[shown[good]]],
     )
 
 
@@ -129,10 +139,10 @@ def follow(before: Found, evened_before: np.ndarray, evened: np.ndarray, masks: 
 
 def _is_good(returned: np.ndarray, alike: np.ndarray, pixels: np.ndarray, masks: Masks) -> np.ndarray:
     x, y = inside(pixels, masks.object.shape).T
-    return (returned < LOST_PX) & (alike > LEAST_LIKENESS) & _may_show(masks)[y, x] & _widened_object(masks)[y, x]
+    return (returned < LOST_PX) & (alike > LEAST_LIKENESS) & may_show(masks)[y, x] & _widened_object(masks)[y, x]
 
 
-def _may_show(masks: Masks) -> np.ndarray:
+def may_show(masks: Masks) -> np.ndarray:
     """[S, S] bool: where no patch touches the hand."""
     size = 2 * HAND_MARGIN_PX + 1
     return cv2.dilate(masks.hand.astype(np.uint8), np.ones((size, size), np.uint8)) == 0

@@ -3,17 +3,22 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from egophys_core.errors import EpisodeError
 from egophys_core.perception.camera.parallax import RestSurface, rays_of_pixels, surface_from_parallax
+from egophys_core.perception.masks.silhouette import inside
 from egophys_core.perception.options import ObjectKind, PerceptionOptions
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.completion import close_surface
-from egophys_core.perception.surface.patch_match import LOST_PX, even_contrast, match
+from egophys_core.perception.surface.patch_match import LOST_PX, WINDOW, even_contrast, match
+from egophys_core.perception.surface.rounding import rounded
 from egophys_core.perception.surface.surface_fit import SurfaceModel
 from egophys_core.perception.surface.surface_mesh import (
     SurfaceMesh,
+    SurfaceTexture,
     boundary_edges,
     locate,
     mesh_of_mask,
@@ -35,16 +40,26 @@ MOVES_PX = 0.8
 FLATTEST_M = 0.025
 """Metres: what lies lower everywhere is a sheet."""
 
+RIM_PX = WINDOW / 2 + 1
+"""Pixels from the outline of a solid within which a patch shows the background, too."""
+
+LEAST_SURFACE = {ObjectKind.SHEET: 0.6, ObjectKind.SOLID: 0.95}
+"""Share of a patch that must be surface: what lies behind the rim of a solid moves along it."""
+
+FEWEST_SURE = 12
+"""Vertices and features farther from it, without which nothing is said of how it rounds off."""
+
 FEATURE_STEP = 3
 """Pixels between tracked places, at least."""
 
-SHEET_STRAIN = (0.03, 0.03)
-SOLID_STRAIN = (0.01, 0.01)
-"""Standard deviations of the strain in stretch and in shortening."""
+OPPOSITE_SIGMA_M = 0.004
+"""Metres: of points of the hidden side, which symmetry tells."""
+
+SHEET_STRAIN = 0.03
+"""Standard deviation of the strain of an edge of a sheet."""
 
 SHEET_BENDING_M = 0.0015
-SOLID_BENDING_M = 0.0008
-"""Metres: standard deviation of the gap of a hinge."""
+"""Metres: standard deviation of the gap of a hinge of a sheet."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +84,32 @@ class RestObject:
     """Pixels: median residual over the still views."""
     depth_sigma_m: float
     """Metres: median standard deviation of the vertices' depths."""
+    sigma: np.ndarray
+    """[W] metres: standard deviation of each point of the model."""
     note: str
     """What the user should know; empty if all is well."""
+
+    @property
+    def feature_step(self) -> float:
+        """Pixels between neighbouring features in the reference view."""
+        nearest = cKDTree(self.feature_pixels).query(self.feature_pixels, k=2)[0][:, 1]
+        return float(np.median(nearest))
+
+    @property
+    def picture(self) -> SurfaceTexture:
+        """The reference view as the texture of the surface."""
+        mesh = self.model.mesh
+        corners = np.full((len(self.model.triangles), 3, 2), np.nan)
+        corners[: len(mesh.triangles)] = mesh.pixels[mesh.triangles]
+        return SurfaceTexture(
+            image=self.texture,
+            corners=corners,
+            least_surface=LEAST_SURFACE[self.kind],
+            first=0,
+            feature_pixels=self.feature_pixels,
+            feature_triangles=self.feature_triangles,
+            feature_weights=self.feature_weights,
+        )
 
 
 def rest_object(
@@ -115,7 +154,7 @@ def rest_object(
             f"the object never lies still in the first {len(views)} views (median residual {residual:.1f} px): "
             "its rest shape is uncertain; film it for a second before it is touched"
         )
-    return _object_of(trial, trial.solve(count, table_height), table_height, options, note)
+    return _object_of(trial, count, table_height, options, note)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,6 +163,7 @@ class _Trial:
 
     first: int
     views: Sequence[View]
+    mask: np.ndarray
     mesh: SurfaceMesh
     pixels: np.ndarray
     triangles: np.ndarray
@@ -135,6 +175,31 @@ class _Trial:
         """Surface from the first views of the tracks."""
         views, tracks = list(self.views[:count]), self.tracks[:count]
         return surface_from_parallax(self.mesh, views, self.triangles, self.weights, tracks, table_height)
+
+    def solve_solid(self, flat: RestSurface, count: int, table_height: float) -> RestSurface:
+        """The surface of a solid, which rounds off towards its outline.
+
+        Args:
+            flat: what `solve` makes of the same views.
+            count: of the views.
+            table_height: z of the table, metres.
+        """
+        away = cv2.distanceTransform(np.pad(self.mask, 1).astype(np.uint8), cv2.DIST_L2, 5)[1:-1, 1:-1]
+        columns, rows = inside(self.mesh.pixels, self.mask.shape).T
+        sure = away[rows, columns] > RIM_PX
+        columns, rows = inside(self.pixels, self.mask.shape).T
+        clear = away[rows, columns] > RIM_PX
+        if np.count_nonzero(sure) < FEWEST_SURE or np.count_nonzero(clear) < FEWEST_SURE:
+            return flat
+        return surface_from_parallax(
+            self.mesh,
+            list(self.views[:count]),
+            self.triangles[clear],
+            self.weights[clear],
+            self.tracks[:count, clear],
+            table_height,
+            rounded(self.mask, self.mesh.pixels, flat.inverse, sure),
+        )
 
 
 def _try(
@@ -150,6 +215,7 @@ def _try(
     return _Trial(
         first=first,
         views=views[first:],
+        mask=mask,
         mesh=mesh,
         pixels=pixels,
         triangles=triangles,
@@ -166,20 +232,19 @@ def _features(mesh: SurfaceMesh, mask: np.ndarray, most: int) -> tuple[np.ndarra
     on_grid = (rows % step == 0) & (columns % step == 0)
     pixels = np.column_stack([columns[on_grid], rows[on_grid]]).astype(float)
     triangles, weights = locate(mesh, pixels)
-    inside = triangles >= 0
-    return pixels[inside], triangles[inside], weights[inside]
+    covered = triangles >= 0
+    return pixels[covered], triangles[covered], weights[covered]
 
 
-def _object_of(
-    trial: _Trial, rest: RestSurface, table_height: float, options: PerceptionOptions, note: str
-) -> RestObject:
-    """Model of a sheet or a solid from the skin that is seen."""
+def _object_of(trial: _Trial, count: int, table_height: float, options: PerceptionOptions, note: str) -> RestObject:
+    """Model of a sheet or a solid from the skin that is seen in the first views of a trial."""
+    rest = trial.solve(count, table_height)
     skin = rest.positions
     height = skin[:, 2] - table_height
     kind = options.kind
     if kind == ObjectKind.AUTO:
         kind = ObjectKind.SHEET if np.percentile(height, 95) < FLATTEST_M else ObjectKind.SOLID
-    thickness, links = 0.0, trial.mesh.edges
+    thickness, triangles = 0.0, trial.mesh.triangles
     if kind == ObjectKind.SHEET:
         # Its skin lies one thickness over the table where it lies flat; twins are of the middle surface.
         thickness = max(float(np.median(height[np.unique(boundary_edges(trial.mesh.triangles))])), 0.0)
@@ -189,19 +254,20 @@ def _object_of(
         # Triangles turn so that their normals point away from the reference view.
         positions = skin + thickness / 2 * vertex_normals(trial.mesh.triangles, skin)
     else:
+        rest = trial.solve_solid(rest, count, table_height)
+        skin = rest.positions
         closed = close_surface(trial.mesh, skin, table_height)
-        positions, links = closed.positions, closed.links
-    stretch, shortening = SHEET_STRAIN if kind == ObjectKind.SHEET else SOLID_STRAIN
+        positions, triangles = closed.positions, closed.triangles
     return RestObject(
         reference=trial.first,
         model=SurfaceModel(
             mesh=trial.mesh,
             rest=positions,
-            links=links,
+            triangles=triangles,
             thickness=thickness,
-            stretch_sigma=stretch,
-            shortening_sigma=shortening,
-            bending_sigma=SHEET_BENDING_M if kind == ObjectKind.SHEET else SOLID_BENDING_M,
+            stretch_sigma=SHEET_STRAIN,
+            shortening_sigma=SHEET_STRAIN,
+            bending_sigma=SHEET_BENDING_M,
             lowest=table_height + thickness / 2,
         ),
         kind=kind,
@@ -211,6 +277,7 @@ def _object_of(
         texture=trial.texture,
         residual_px=_median_residual(rest),
         depth_sigma_m=float(np.median(rest.depth_sigma)),
+        sigma=np.concatenate([rest.depth_sigma, np.full(len(positions) - len(skin), OPPOSITE_SIGMA_M)]),
         note=note,
     )
 

@@ -54,8 +54,8 @@ class SurfaceModel:
     rest: np.ndarray
     """[W, 3] metres, frame world: the vertices (of sheets on the middle surface, of solids on the skin), then W - V
     points of the hidden side of a solid."""
-    links: np.ndarray
-    """[E, 2] int: pairs among the W that keep their distance."""
+    triangles: np.ndarray
+    """[F, 3] int: those of the mesh; for a solid, then those of its hidden side."""
     thickness: float
     """Metres between the two skins of a sheet; 0 for the skin of a solid."""
     stretch_sigma: float
@@ -205,7 +205,7 @@ class SurfaceFitter:
         return sparse.diags(scale) @ jacobian, scale * residual.ravel()
 
     def _length_rows(self, positions: np.ndarray) -> tuple[sparse.csr_matrix, np.ndarray]:
-        one, other = self.model.links.T
+        one, other = self.model.mesh.edges.T
         along = positions[other] - positions[one]
         length = np.maximum(np.linalg.norm(along, axis=1), 1e-9)
         strain = np.where(length > self.rest_length, self.model.stretch_sigma, self.model.shortening_sigma)
@@ -269,7 +269,7 @@ def fitter_of(model: SurfaceModel) -> SurfaceFitter:
     mesh = model.mesh
     gaps = hinge_gaps(mesh.hinges, model.rest)
     normals = _hinge_normals(mesh.hinges, model.rest)
-    one, other = model.links.T
+    one, other = model.mesh.edges.T
     place, bandwidth = _order(model)
     return SurfaceFitter(
         model=model,
@@ -285,7 +285,7 @@ def fitter_of(model: SurfaceModel) -> SurfaceFitter:
 def _order(model: SurfaceModel) -> tuple[np.ndarray, int]:
     """Place of each coordinate when points are ordered by reverse Cuthill-McKee, and the bandwidth that leaves."""
     hinges = model.mesh.hinges
-    pairs = np.vstack([model.links, *(hinges[:, [i, j]] for i in range(4) for j in range(i))])
+    pairs = np.vstack([model.mesh.edges, *(hinges[:, [i, j]] for i in range(4) for j in range(i))])
     size = len(model.rest)
     coupled = sparse.csr_matrix((np.ones(len(pairs)), pairs.T), shape=(size, size))
     order = reverse_cuthill_mckee((coupled + coupled.T).tocsr(), symmetric_mode=True)

@@ -27,6 +27,31 @@ class SurfaceMesh:
     """[H, 4] int: the two ends of each inner edge, then the two vertices across it."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class SurfaceTexture:
+    """A picture of a surface, and the features that are tracked in it."""
+
+    image: np.ndarray
+    """[S, S] uint8: with even contrast."""
+    corners: np.ndarray
+    """[F, 3, 2]: pixels of the corners of each triangle; NaN for those that it does not show."""
+    least_surface: float
+    """Share of the patch around a feature that must be surface."""
+    first: int
+    """Number of its first feature."""
+    feature_pixels: np.ndarray
+    """[N, 2]: places in the picture."""
+    feature_triangles: np.ndarray
+    """[N] int."""
+    feature_weights: np.ndarray
+    """[N, 3]: barycentric coordinates."""
+
+    @property
+    def end(self) -> int:
+        """Number after that of its last feature."""
+        return self.first + len(self.feature_pixels)
+
+
 def mesh_of_mask(mask: np.ndarray, spacing: float) -> SurfaceMesh:
     """Cover a mask with near-equilateral triangles.
 

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from egophys_core.perception.surface.surface_mesh import SurfaceMesh
-
 NO_TRIANGLE = -1
 
 
@@ -16,13 +14,24 @@ class Rendering:
 
     triangle: np.ndarray
     """[H, W] int32: index of the nearest triangle, -1 where there is none."""
-    source: np.ndarray
-    """[H, W, 2] float32: the pixel x, y of the reference image that is seen; NaN where there is none."""
+    weights: np.ndarray
+    """[P, 3] float64: barycentric coordinates of the P pixels with a triangle, row by row."""
 
     @property
     def silhouette(self) -> np.ndarray:
         """[H, W] bool."""
         return self.triangle >= 0
+
+    def source(self, corners: np.ndarray) -> np.ndarray:
+        """[H, W, 2] float32: the pixel x, y of a picture of the surface that is seen; NaN where there is none.
+
+        Args:
+            corners: [F, 3, 2] pixels of the triangles' corners in that picture; NaN for those that it does not show.
+        """
+        source = np.full((*self.triangle.shape, 2), np.nan, np.float32)
+        painted = self.silhouette
+        source[painted] = np.einsum("nk,nkd->nd", self.weights, corners[self.triangle[painted]])
+        return source
 
 
 def project(positions: np.ndarray, camera_matrix: np.ndarray, world_from_camera: np.ndarray) -> np.ndarray:
@@ -50,11 +59,10 @@ def facing(corners: np.ndarray) -> np.ndarray:
     return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0] > 0
 
 
-def render(mesh: SurfaceMesh, corners: np.ndarray, size: tuple[int, ...]) -> Rendering:
+def render(corners: np.ndarray, size: tuple[int, ...]) -> Rendering:
     """Paint the triangles from far to near.
 
     Args:
-        mesh: texture places.
         corners: [F, 3, 3], pixels and depth of each triangle's corners (see `project`); those with NaN are left out.
         size: height and width of the view.
     """
@@ -68,16 +76,11 @@ def render(mesh: SurfaceMesh, corners: np.ndarray, size: tuple[int, ...]) -> Ren
     fixed = np.rint(flat[order] * 16).astype(np.int32)  # four fractional bits
     for index, corner in zip(order.tolist(), fixed, strict=True):
         cv2.fillConvexPoly(painted, corner, index, shift=4)
-    source = np.full((*size, 2), np.nan, np.float32)
     rows, columns = np.nonzero(painted >= 0)
-    if len(rows):
-        shown = painted[rows, columns]
-        weights = barycentric(flat[shown], np.column_stack([columns, rows]))
-        # Pixels are painted up to a fraction of one wide of the triangle; its texture goes on a little.
-        weights = np.clip(weights, -0.25, 1.25)
-        weights /= weights.sum(axis=1, keepdims=True)
-        source[rows, columns] = np.einsum("nk,nkd->nd", weights, mesh.pixels[mesh.triangles[shown]])
-    return Rendering(triangle=painted, source=source)
+    weights = barycentric(flat[painted[rows, columns]], np.column_stack([columns, rows]))
+    # Pixels are painted up to a fraction of one wide of the triangle; its texture goes on a little.
+    weights = np.clip(weights, -0.25, 1.25)
+    return Rendering(triangle=painted, weights=weights / weights.sum(axis=1, keepdims=True))
 
 
 def barycentric(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -94,8 +97,8 @@ def barycentric(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
     return weights
 
 
-def textured(rendering: Rendering, reference: np.ndarray, background: np.ndarray) -> np.ndarray:
-    """The view with the reference image laid over the surface, before a background; [H, W] uint8 each."""
-    source = np.nan_to_num(rendering.source, nan=-1.0)
-    laid = cv2.remap(reference, source[..., 0], source[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.where(rendering.silhouette, laid, background)
+def textured(source: np.ndarray, picture: np.ndarray, background: np.ndarray) -> np.ndarray:
+    """[H, W] uint8: a picture laid over the surface where it shows it (`Rendering.source`), before a background."""
+    x, y = np.moveaxis(np.nan_to_num(source, nan=-1.0), -1, 0)
+    laid = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.where(np.isfinite(source[..., 0]), laid, background)

@@ -14,10 +14,13 @@ from egophys_core.perception.masks import silhouette
 from egophys_core.perception.options import ObjectKind
 from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface import feature_search
+from egophys_core.perception.surface.body_fit import BodyFitter, body_fitter_of
 from egophys_core.perception.surface.feature_search import Found, RenderedSurface
-from egophys_core.perception.surface.patch_match import even_contrast
+from egophys_core.perception.surface.patch_match import WINDOW, even_contrast
+from egophys_core.perception.surface.relocation import Landmarks, landmarks_of, relocated
 from egophys_core.perception.surface.rest_surface import RestObject
-from egophys_core.perception.surface.surface_fit import Correspondences, FittedSurface, fitter_of
+from egophys_core.perception.surface.revealed import revealed
+from egophys_core.perception.surface.surface_fit import Correspondences, FittedSurface, SurfaceFitter, fitter_of
 from egophys_core.perception.surface.surface_render import project
 
 SHEET_WEIGHT = 0.3
@@ -39,8 +42,20 @@ LONGEST_STEP_S = 0.1
 LEVELS = (2, 1)
 """Pyramid levels of the search in each round of render, compare, solve."""
 
-ITERATIONS = 3
-"""Of the solver in each round."""
+ITERATIONS, BODY_ITERATIONS = 3, 8
+"""Of the solver in each round: of sheets, and of bodies, which have few unknowns."""
+
+ROBUST = 2.0
+"""Scale of the robust weights over the standard deviation."""
+
+REVEALED_SIGMA = 2.0
+"""Error of features of later pictures over that of the first: the body was placed in them by what it showed."""
+
+FEWEST_FOUND = 30
+"""Features below which a body is lost."""
+
+SURE_M = 0.015
+"""Metres of mean deviation of the points with which a view is good for another picture."""
 
 OUTSIDE_SIGMA_PX, UNCOVERED_SIGMA_PX, OUTLINE_DOUBT_PX = 2.0, 4.0, 20.0
 """Pixels: of vertices outside the outline, and of places inside it that nothing covers."""
@@ -86,7 +101,7 @@ class SurfaceState:
     positions: np.ndarray
     """[W, 3] metres, frame world."""
     sigma: np.ndarray
-    """[W] metres: standard deviation of the points, given the view before."""
+    """[W] metres: standard deviation of the points; of a sheet, given the view before."""
     seen: np.ndarray
     """[N] bool: features found in this view."""
     hands: Mapping[int, HandState]
@@ -98,8 +113,16 @@ class SurfaceTracker:
 
     def __init__(self, rest: RestObject, reference: View) -> None:
         self._rest = rest
-        self._fitter = fitter_of(rest.model)
+        is_body = self._is_body = rest.kind == ObjectKind.SOLID
+        self._fitter: SurfaceFitter | BodyFitter = body_fitter_of(rest.model) if is_body else fitter_of(rest.model)
+        self._iterations = BODY_ITERATIONS if is_body else ITERATIONS
+        # Patches that overlap miss by the same; the vertices of a sheet are as many as they, the modes of a body few.
+        self._doubt = max(WINDOW / rest.feature_step, 1.0) if is_body else 1.0
+        self._textures = [rest.picture]
+        self._placed_m = np.zeros(1)
+        self._landmarks: list[Landmarks] = []
         self._corners = rest.model.mesh.triangles[rest.feature_triangles]
+        self._weights = rest.feature_weights
         self._positions = rest.model.rest
         self._velocity = np.zeros_like(rest.model.rest)
         self._stamp_ns = reference.stamp_ns
@@ -127,21 +150,47 @@ class SurfaceTracker:
         step_s = abs(view.stamp_ns - self._stamp_ns) * 1e-9
         predicted = self._predicted(self._step_s(view))
         carried = feature_search.follow(self._found, self._evened, evened, masks)
-        fitted, found = self._solve(view, masks, evened, predicted, predicted, carried, LEVELS[0])
-        for levels in LEVELS[1:]:
-            fitted, found = self._solve(view, masks, evened, predicted, fitted.positions, carried, levels)
-
-        right = fitted.residual[: len(found.features)] < MISSED_PX
-        wrong = found.features[~right]
-        self._found, self._evened = found.without(wrong), evened
+        fitted, found = self._searched(view, masks, evened, predicted, carried)
+        if self._is_body and len(found.features) < FEWEST_FOUND:
+            again = self._found_again(view, masks, evened, carried)
+            if again is not None:
+                (fitted, found), step_s = again, 0.0
+        self._found, self._evened = found, evened
         if step_s > 0:
             velocity = (fitted.positions - self._positions) / step_s
             self._velocity = SMOOTHING * velocity + (1 - SMOOTHING) * self._velocity
         self._positions, self._stamp_ns = fitted.positions, view.stamp_ns
-        seen = np.zeros(len(self._corners), bool)
-        seen[self._found.features] = True
+        seen = np.zeros(len(self._rest.feature_pixels), bool)
+        seen[self._found.features[self._found.features < len(seen)]] = True
+        sigma = np.hypot(fitted.sigma, self._placed())
+        self._learn(view, masks, fitted.positions, sigma)
         self._find_contacts(view, seen)
-        return SurfaceState(positions=fitted.positions, sigma=fitted.sigma, seen=seen, hands=self._hand_states(view))
+        return SurfaceState(positions=fitted.positions, sigma=sigma, seen=seen, hands=self._hand_states(view))
+
+    def _searched(
+        self, view: View, masks: Masks, evened: np.ndarray, predicted: np.ndarray, carried: Found
+    ) -> tuple[FittedSurface, Found]:
+        """The surface in the view, and the features that lie where it has them."""
+        start = predicted
+        for levels in LEVELS:
+            fitted, found = self._solve(view, masks, evened, predicted, start, carried, levels)
+            start = fitted.positions
+        missed = fitted.residual[: len(found.features)] >= MISSED_PX
+        return fitted, found.without(found.features[missed])
+
+    def _found_again(
+        self, view: View, masks: Masks, evened: np.ndarray, carried: Found
+    ) -> tuple[FittedSurface, Found] | None:
+        """A lost body where its landmarks are recognised, if its features are found there, too."""
+        rest = self._rest.model.rest
+        for texture in self._textures[len(self._landmarks) :]:
+            self._landmarks.append(landmarks_of(texture))
+        places = np.einsum("nk,nkd->nd", self._weights, rest[self._corners])
+        move = relocated(self._landmarks, places, evened, view, masks)
+        if move is None:
+            return None
+        fitted, found = self._searched(view, masks, evened, rest @ move[:3, :3].T + move[:3, 3], carried)
+        return (fitted, found) if len(found.features) >= FEWEST_FOUND else None
 
     def silhouette(self, view: View) -> np.ndarray:
         """[S, S] bool: where the surface is expected in the next view, also behind hands."""
@@ -152,11 +201,30 @@ class SurfaceTracker:
 
     def _scene(self, positions: np.ndarray, view: View) -> RenderedSurface:
         skins = (self._fitter.skin(positions, 1.0), self._fitter.skin(positions, -1.0))
-        return feature_search.scene_of(self._rest, skins, view)
+        return feature_search.scene_of(self._rest.model.triangles, skins, view)
+
+    def _placed(self) -> float:
+        """Metres: how well the body was placed in the pictures whose features are found now."""
+        if not len(self._found.features):
+            return 0.0
+        picture = np.searchsorted([each.end for each in self._textures], self._found.features, side="right")
+        return float(np.sqrt((self._placed_m[picture] ** 2).mean()))
+
+    def _learn(self, view: View, masks: Masks, positions: np.ndarray, sigma: np.ndarray) -> None:
+        """Keep what a solid shows for the first time, if it is known where it is."""
+        if not self._is_body or len(self._found.features) < FEWEST_FOUND or sigma.mean() > SURE_M:
+            return
+        texture = revealed(self._textures, self._scene(positions, view), self._evened, masks)
+        if texture is not None:
+            self._textures.append(texture)
+            self._placed_m = np.append(self._placed_m, sigma.mean())
+            corners = self._rest.model.triangles[texture.feature_triangles]
+            self._corners = np.vstack([self._corners, corners])
+            self._weights = np.vstack([self._weights, texture.feature_weights])
 
     def _predicted(self, step_s: float) -> np.ndarray:
         predicted = self._positions + step_s * DAMPING * self._velocity
-        if self._rest.kind == ObjectKind.SHEET:
+        if not self._is_body:
             predicted[:, 2] -= SHEET_WEIGHT * GRAVITY * step_s**2
         return predicted
 
@@ -173,30 +241,26 @@ class SurfaceTracker:
         """One round: render at the start, compare, solve. What is found stands first among the correspondences."""
         fitter = self._fitter
         scene = self._scene(start, view)
-        rendered = feature_search.find_rendered(self._rest, scene, evened, masks, levels)
-        others = carried.without(rendered.features)
-        found = Found(
-            features=np.append(rendered.features, others.features),
-            pixels=np.vstack([rendered.pixels, others.pixels]),
-            sigma=np.append(rendered.sigma, others.sigma),
-            side=np.append(rendered.side, others.side),
-        )
+        found = carried
+        for texture in self._textures:
+            rendered = feature_search.find_rendered(texture, scene, evened, masks, levels)
+            found = rendered.with_others(found)
+        is_first = found.features < self._textures[0].end
+        sigma = self._doubt * np.where(is_first, 1.0, REVEALED_SIGMA) * found.sigma
         seen = Correspondences(
             corners=self._corners[found.features],
-            weights=self._rest.feature_weights[found.features],
+            weights=self._weights[found.features],
             side=found.side,
             pixels=found.pixels,
-            sigma=found.sigma,
-            robust_scale=2 * found.sigma,
+            sigma=sigma,
+            robust_scale=ROBUST * sigma,
         )
-        vertices = project(start[: len(self._rest.model.mesh.pixels)], view.camera_matrix, view.world_from_camera)[
-            :, :2
-        ]
+        vertices = project(start, view.camera_matrix, view.world_from_camera)[:, :2]
         covered = scene.rendering.silhouette
-        parts = [seen, _outline(*silhouette.outliers(vertices, masks), OUTSIDE_SIGMA_PX)]
-        parts.append(_outline(*silhouette.uncovered(vertices, covered, masks), UNCOVERED_SIGMA_PX))
+        parts = [seen, _outline(*silhouette.outliers(vertices, masks), self._doubt * OUTSIDE_SIGMA_PX)]
+        parts.append(_outline(*silhouette.uncovered(vertices, covered, masks), self._doubt * UNCOVERED_SIGMA_PX))
         sigma = np.full(len(start), MOTION_SIGMA_M)
-        return fitter.fit(view, _together(parts), predicted, sigma, ITERATIONS, start), found
+        return fitter.fit(view, _together(parts), predicted, sigma, self._iterations, start), found
 
     def _follow_hands(self, view: View, arms: Mapping[int, SeenArm]) -> None:
         """The hands' motion since the view before; what they hold goes along."""
@@ -238,7 +302,7 @@ class SurfaceTracker:
         if not untouched:
             return
         model, focal = self._rest.model, view.camera_matrix[0, 0]
-        vertices = np.unique(self._corners[seen])
+        vertices = np.unique(self._corners[: len(seen)][seen])
         moved = vertices[np.linalg.norm(self._positions[vertices] - model.rest[vertices], axis=1) > MOVED_M]
         places = project(self._positions[: len(model.mesh.pixels)], view.camera_matrix, view.world_from_camera)
         for number in untouched:

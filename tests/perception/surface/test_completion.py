@@ -58,15 +58,14 @@ def test_nothing_lies_below_the_table() -> None:
         assert found.positions[len(visible) :, 2].min() >= table
 
 
-def test_links_are_unique_pairs_with_a_length_and_reach_both_sides() -> None:
-    _, visible, found = closed()
-    count = len(visible)
-    assert (found.links[:, 0] < found.links[:, 1]).all()
-    assert len(np.unique(found.links, axis=0)) == len(found.links)
-    length = np.linalg.norm(found.positions[found.links[:, 0]] - found.positions[found.links[:, 1]], axis=1)
-    assert length.min() > 0
-    assert np.isin(np.arange(2 * count), found.links).mean() > 0.99
-    assert ((found.links[:, 0] < count) & (found.links[:, 1] >= count)).any()
+def test_triangles_of_both_sides_turn_alike_as_seen_from_outside() -> None:
+    _, _, found = closed()
+    corners = found.positions[found.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = ((corners.mean(axis=1) - found.positions.mean(axis=0)) * normals).sum(axis=1)
+    assert len(found.triangles) == 2 * len(disc_mesh().triangles)
+    # Those of the mesh turn clockwise, so that their normals point inside.
+    assert (outward < 0).mean() > 0.98
 
 
 def test_a_turned_object_gets_the_turned_side() -> None:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from egophys_core.perception.surface.confidence import HALF_M, PointConfidence
+from egophys_core.perception.surface.confidence import HALF_M, PointConfidence, growth_sigma
 
 
 def grid() -> np.ndarray:
@@ -35,7 +35,7 @@ def test_hidden_points_that_stand_are_trusted_for_a_second() -> None:
 def test_hidden_points_that_move_are_not() -> None:
     confidence = PointConfidence(grid())
     previous = np.ones(64)
-    for step in range(1, 12):
+    for step in range(1, 18):
         found = confidence.next(grid() + [0.004 * step, 0, 0], SURE, HIDDEN)
         assert (found < previous).all()
         previous = found
@@ -70,3 +70,11 @@ def test_stays_in_its_range(steps: list[tuple[float, float, bool]]) -> None:
     for shift, sigma, seen in steps:
         found = confidence.next(grid() + shift, np.full(64, sigma), np.full(64, seen))
         assert ((found >= 0) & (found <= 1)).all()
+
+
+def test_two_hands_may_stretch_what_they_hold_in_the_air() -> None:
+    heights, depths = np.array([0.0, 0.3, 0.3]), np.array([0.5, 0.5, 0.7])
+    np.testing.assert_array_equal(growth_sigma(heights, depths, 1), 0)
+    on_table, near, far = growth_sigma(heights, depths, 2)
+    assert on_table == 0
+    assert 0 < near < far < 0.05

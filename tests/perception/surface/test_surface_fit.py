@@ -41,7 +41,7 @@ def model(*, thickness: float = 0.0, spacing: float = 8.0, lowest: float = 0.0, 
     return SurfaceModel(
         mesh=mesh,
         rest=rest,
-        links=mesh.edges,
+        triangles=mesh.triangles,
         thickness=thickness,
         stretch_sigma=0.01,
         shortening_sigma=0.02,

@@ -58,21 +58,29 @@ class TestBarycentric:
 class TestRender:
     def test_reference_view_shows_each_pixel_its_own_place(self) -> None:
         mesh = square_mesh()
-        drawn = render(mesh, corners_of(mesh, mesh.pixels), SIZE)
+        drawn = render(corners_of(mesh, mesh.pixels), SIZE)
         y, x = np.nonzero(drawn.silhouette)
         assert drawn.silhouette[22:78, 32:88].all()
         assert drawn.silhouette.sum() == pytest.approx(3600, rel=0.06)
         inner = (y > 21) & (y < 78) & (x > 31) & (x < 88)
-        np.testing.assert_allclose(drawn.source[y, x][inner], np.column_stack([x, y])[inner], atol=0.05)
-        assert np.isnan(drawn.source[~drawn.silhouette]).all()
+        source = drawn.source(mesh.pixels[mesh.triangles])
+        np.testing.assert_allclose(source[y, x][inner], np.column_stack([x, y])[inner], atol=0.05)
+        assert np.isnan(source[~drawn.silhouette]).all()
+
+    def test_triangles_that_a_picture_does_not_show_have_no_source(self) -> None:
+        mesh = square_mesh()
+        drawn = render(corners_of(mesh, mesh.pixels), SIZE)
+        places = mesh.pixels[mesh.triangles]
+        places[::2] = np.nan
+        known = np.isfinite(drawn.source(places)[drawn.silhouette]).all(axis=1)
+        np.testing.assert_array_equal(known, drawn.triangle[drawn.silhouette] % 2 == 1)
 
     def test_shifted_surface_shows_the_shifted_texture(self) -> None:
         mesh = square_mesh()
         random = np.random.default_rng(2)
         reference = random.integers(0, 255, SIZE).astype(np.uint8)
-        drawn = textured(
-            render(mesh, corners_of(mesh, mesh.pixels + [7, -5]), SIZE), reference, np.zeros(SIZE, np.uint8)
-        )
+        source = render(corners_of(mesh, mesh.pixels + [7, -5]), SIZE).source(mesh.pixels[mesh.triangles])
+        drawn = textured(source, reference, np.zeros(SIZE, np.uint8))
         difference = np.abs(drawn[20:70, 42:92].astype(int) - reference[25:75, 35:85])
         assert np.median(difference) <= 3
         assert drawn[90, 10] == 0
@@ -85,7 +93,7 @@ class TestRender:
         corners[left, :, 0] = 120 - corners[left, :, 0]
         for depth, expected in ((0.9, True), (1.1, False)):
             corners[left, :, 2] = depth
-            shown = render(mesh, corners, SIZE).triangle[30:70, 70:85]
+            shown = render(corners, SIZE).triangle[30:70, 70:85]
             assert (left[shown] == expected).mean() > 0.99
 
     @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e12])
@@ -93,19 +101,20 @@ class TestRender:
         mesh = square_mesh()
         corners = corners_of(mesh, mesh.pixels)
         corners[::2, 1, 0] = bad
-        shown = np.unique(render(mesh, corners, SIZE).triangle)
+        shown = np.unique(render(corners, SIZE).triangle)
         assert not np.isin(shown[shown >= 0], np.arange(0, len(corners), 2)).any()
 
     def test_behind_the_camera_nothing_is_drawn(self) -> None:
         mesh = square_mesh()
-        drawn = render(mesh, corners_of(mesh, mesh.pixels, -1.0), SIZE)
+        drawn = render(corners_of(mesh, mesh.pixels, -1.0), SIZE)
         assert not drawn.silhouette.any()
         background = np.full(SIZE, 9, np.uint8)
-        np.testing.assert_array_equal(textured(drawn, background + 1, background), background)
+        source = drawn.source(mesh.pixels[mesh.triangles])
+        np.testing.assert_array_equal(textured(source, background + 1, background), background)
 
     def test_outside_the_image_nothing_is_drawn(self) -> None:
         mesh = square_mesh()
-        assert not render(mesh, corners_of(mesh, mesh.pixels + 500), SIZE).silhouette.any()
+        assert not render(corners_of(mesh, mesh.pixels + 500), SIZE).silhouette.any()
 
 
 def test_the_reference_side_faces_and_a_mirrored_one_does_not() -> None:

@@ -78,8 +78,9 @@ def test_a_solid_is_pushed_from_where_it_begins_to_move() -> None:
                 touched = frame.points[[16 * 33 + 29]] + [0, 0, 0.014]
                 x, y, depth = project(touched, frame.view.camera_matrix, frame.world_from_camera)[0]
                 np.testing.assert_allclose(hand.pixel, [x, y], atol=10)
-                # By its width alone: a pixel of the 17 that the drawn hand is wide are 35 mm.
-                assert hand.depth == pytest.approx(depth, abs=0.045)
+                # By its width alone: a pixel of the 17 that the drawn hand is wide are 35 mm, and at the rim of the
+                # dome, where it learns its width, a pixel along the image are 15 mm in depth.
+                assert hand.depth == pytest.approx(depth, abs=0.055)
                 pushing.append(frame)
     assert frames.index(pushing[0]) <= 22
     assert len(pushing) == len(frames) - frames.index(pushing[0])
@@ -109,7 +110,7 @@ def test_a_hand_that_is_hidden_for_a_while_goes_on_holding() -> None:
 
 
 def test_lengths_are_kept() -> None:
-    one, other = REST.model.links.T
+    one, other = REST.model.mesh.edges.T
     length = np.linalg.norm(tracked()[-1].positions[one] - tracked()[-1].positions[other], axis=1)
     strain = length / np.linalg.norm(REST.model.rest[one] - REST.model.rest[other], axis=1) - 1
     assert np.abs(strain).mean() < 0.02

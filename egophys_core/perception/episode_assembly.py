@@ -10,10 +10,14 @@ from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
 from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
+from egophys_core.perception.hands.held_points import held_points
 from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.track_filter import consistent_motion
+
+HELD_CONFIDENCE = 0.5
+"""Of points that a hand hides and holds: they are where the hand is."""
 
 
 @dataclass
@@ -69,12 +73,16 @@ class EpisodeAssembly:
             raise EpisodeError(f"{name}: {len(self._stamps_ns)} view(s) observed; motion needs at least 2")
         points, confidence = np.array(self._points), np.array(self._confidence)
         confidence[points[:, :, 2] < ground_height - self.options.ground_margin_m] = 0.0
-        points[confidence < self.options.least_confidence] = np.nan
+        points[confidence < self.options.kept_confidence] = np.nan
         points[~consistent_motion(points)] = np.nan
+        paths, contacts = hand_paths(self._hands, self._cameras), contact_views(self._hands)
+        holds = {number: view for number, view in contacts.items() if self._hands[view][number].holds}
+        held = held_points(np.array(self._points), np.isfinite(points).all(axis=2), paths, holds)
+        is_held = np.isfinite(held).all(axis=2)
+        points[is_held], confidence[is_held] = held[is_held], HELD_CONFIDENCE
         kept = np.isfinite(points).any(axis=(0, 2))
         points, confidence = points[:, kept], confidence[:, kept]
         confidence[~np.isfinite(points).all(axis=2)] = 0.0
-        paths = hand_paths(self._hands, self._cameras)
         around = ball(max(self.options.controllers // max(len(paths), 1), 1))
         hands = np.concatenate(
             [np.zeros((len(points), 0, 3)), *(path[:, None] + around for path in paths.values())], axis=1

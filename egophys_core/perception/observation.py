@@ -13,13 +13,21 @@ class HandSight:
     """One hand in one view."""
 
     pixel: np.ndarray
-    """[2] x, y: where it holds or pushes."""
-    depth: float
-    """Metres along the optical axis there."""
+    """[2] x, y: the middle of the hand."""
     radius: float
     """Pixels: half of its width."""
-    has_contact: bool
-    """Whether the object has moved under it by now."""
+    depth: float
+    """Metres along the optical axis there, by its width; of a usual hand before it has contact."""
+    grip: np.ndarray
+    """[3] metres, frame world: where it holds or pushes the object; NaN before it has contact."""
+
+    holds: bool
+    """Whether it holds, rather than pushes, once it has contact."""
+
+    @property
+    def has_contact(self) -> bool:
+        """Whether the object has moved under it by now."""
+        return bool(np.isfinite(self.grip).all())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,8 @@ from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
 from egophys_core.perception.camera.board import Board
 from egophys_core.perception.hands.arms import SeenArm
-from egophys_core.perception.hands.hand_points import at_depth, ball
+from egophys_core.perception.hands.hand_contacts import HandContacts
+from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.hands.hand_tracks import MOST_HANDS, HandTracks
 from egophys_core.perception.hands.landmarked_arms import LandmarkedArms
 from egophys_core.perception.masks.colour_model import is_black
@@ -110,8 +111,10 @@ class SceneObserver:
         )
         self.warning = found.warning
         self._masks = MaskTracker(views[0], found.mask, table_height=self._table_height)
-        masks = [self._masks.next(view) for view in views]
-        seen = [self._seen(view, each, each.object) for view, each in zip(views, masks, strict=True)]
+        seen = []
+        for view in views:
+            masks = self._masks.next(view)
+            seen.append(self._seen(view, masks, masks.object))
         rest = rest_object(views, [each.masks.object for each in seen], self._table_height, self._options)
         self.rest = rest
         reference = seen[rest.reference]
@@ -124,8 +127,15 @@ class SceneObserver:
         return [*reversed(before), at_rest, *after]
 
     def _seen(self, view: View, masks: Masks, surface: np.ndarray) -> _Seen:
-        arms = self._hands.next(masks.hand, surface)
-        return _Seen(view=view, masks=masks, arms=self._landmarked.next(arms, view) if self._landmarked else arms)
+        """A view with its hands; what is inside their outlines is no object, whatever its colour."""
+        arms = self._hands.next(view.image, masks.hand, surface)
+        outlined = [arm.mask for arm in arms.values() if arm.outline is not None]
+        if outlined and self._masks is not None:
+            hand = np.logical_or.reduce([masks.hand, *outlined])
+            masks = Masks(object=masks.object & ~hand, hand=hand)
+            self._masks.go_on_from(masks)
+        arms = arms if self._landmarked is None else self._landmarked.next(arms, view)
+        return _Seen(view=view, masks=masks, arms=arms)
 
 
 class _Follower:
@@ -136,6 +146,7 @@ class _Follower:
         self._options = options
         self._corners = rest.model.mesh.triangles[rest.feature_triangles]
         self._surface = SurfaceTracker(rest, reference.view)
+        self._contacts = HandContacts(rest.model.rest[: len(rest.model.mesh.pixels)])
         self._confidence = PointConfidence(self._points(rest.model.rest))
         self._hidden = _hidden(rest, options)
         self._is_solid = rest.kind == ObjectKind.SOLID
@@ -149,24 +160,30 @@ class _Follower:
             positions=model.rest,
             sigma=np.zeros(len(model.rest)),
             seen=everything,
-            hands={},
         )
-        return self._observation(seen, state)
+        return self._observation(seen, state, {})
 
     def silhouette(self, view: View) -> np.ndarray:
         """[S, S] bool: where the object is expected in the next view, also behind hands."""
         return self._surface.silhouette(view)
 
     def next(self, seen: _Seen) -> Observation:
-        return self._observation(seen, self._surface.next(seen.view, seen.masks, seen.arms))
+        view = seen.view
+        state = self._surface.next(view, seen.masks, self._contacts.held(view, seen.arms))
+        visible = np.zeros(len(self._rest.model.mesh.pixels), bool)
+        visible[self._corners[state.seen]] = True
+        hands = self._contacts.next(
+            view, seen.arms, state.positions[: len(visible)], visible, lambda: self._surface.silhouette(view)
+        )
+        return self._observation(seen, state, hands)
 
     def _points(self, positions: np.ndarray) -> np.ndarray:
         return np.einsum("nk,nkd->nd", self._rest.feature_weights, positions[self._corners])
 
-    def _observation(self, seen: _Seen, state: SurfaceState) -> Observation:
+    def _observation(self, seen: _Seen, state: SurfaceState, hands: Mapping[int, HandSight]) -> Observation:
         view, mesh = seen.view, self._rest.model.mesh
         points = self._points(state.positions)
-        every_sigma = self._sigma(view, state)
+        every_sigma = self._sigma(view, state, sum(hand.has_contact for hand in hands.values()))
         sigma = (self._rest.feature_weights * every_sigma[self._corners]).sum(axis=1)
         # A solid is whole: each of its points is as sure as the motion of the body, whether it is seen or not.
         known = np.ones(len(points), bool) if self._is_solid else state.seen
@@ -185,33 +202,26 @@ class _Follower:
             visible=state.seen,
             mesh_pixels=np.where(vertices[:, 2:] > 0, vertices[:, :2], np.nan),
             mesh_edges=mesh.edges,
-            hand_points=self._hand_points(view, state),
-            hands={
-                number: HandSight(
-                    pixel=hand.pixel, depth=hand.depth, radius=seen.arms[number].radius, has_contact=hand.has_contact
-                )
-                for number, hand in state.hands.items()
-            },
+            hand_points=self._hand_points(hands),
+            hands=hands,
             hidden_points=state.positions[self._hidden],
             hidden_confidence=confidence_of(every_sigma[self._hidden]),
         )
 
-    def _sigma(self, view: View, state: SurfaceState) -> np.ndarray:
-        """[W] metres: deviation of each point of the model."""
+    def _sigma(self, view: View, state: SurfaceState, holding: int) -> np.ndarray:
+        """[W] metres: deviation of each point of the model, which some hands hold or push."""
         heights = state.positions[:, 2] - self._rest.model.lowest
         if self._is_solid:
             heights = np.full(len(heights), heights.min())
         depths = project(state.positions, view.camera_matrix, view.world_from_camera)[:, 2]
-        holding = sum(hand.has_contact for hand in state.hands.values())
         growth = growth_sigma(heights, depths, holding)
         return np.asarray(np.sqrt(state.sigma**2 + self._rest.sigma**2 + growth**2))
 
-    def _hand_points(self, view: View, state: SurfaceState) -> np.ndarray:
+    def _hand_points(self, hands: Mapping[int, HandSight]) -> np.ndarray:
         """[C, 3] metres, frame world: as many of each hand; NaN before it has contact and while it is not seen."""
         points = np.full((MOST_HANDS, len(self._ball), 3), np.nan)
-        for number, hand in state.hands.items():
-            if hand.has_contact:
-                points[number] = at_depth(hand.pixel[None], hand.depth, view) + self._ball
+        for number, hand in hands.items():
+            points[number] = hand.grip + self._ball
         return points.reshape(-1, 3)
 
 

@@ -18,7 +18,13 @@ DEPTH, RADIUS = 0.55, 40.0
 """Metres and pixels: of a hand, everywhere."""
 
 
-def seen(count: int = 10, *, grips: tuple[int | None, ...] = (GRIP,)) -> list[Observation]:
+def place(observation: Observation, number: int, frame: int) -> np.ndarray:
+    """[3] metres: where a hand holds, in the middle of it."""
+    pixel = np.array([[200.0 + frame, 260.0 + 40 * number]])
+    return np.asarray(at_depth(pixel, DEPTH, observation.view)[0])
+
+
+def seen(count: int = 10, *, grips: tuple[int | None, ...] = (GRIP,), holds: bool = False) -> list[Observation]:
     """Observations, all sure, of hands that go to the right, each with contact from a frame on."""
     found = observations(count)
     return [
@@ -30,7 +36,8 @@ def seen(count: int = 10, *, grips: tuple[int | None, ...] = (GRIP,)) -> list[Ob
                     pixel=np.array([200.0 + frame, 260.0 + 40 * number]),
                     depth=DEPTH,
                     radius=RADIUS,
-                    has_contact=grip is not None and frame >= grip,
+                    grip=place(each, number, frame) if grip is not None and frame >= grip else np.full(3, np.nan),
+                    holds=holds,
                 )
                 for number, grip in enumerate(grips)
             },
@@ -66,10 +73,12 @@ def test_points_are_spread_over_the_object() -> None:
     assert np.ptp(episode.points[0], axis=0)[:2] == pytest.approx(np.ptp(given[0].points, axis=0)[:2], rel=0.05)
 
 
-def test_unsure_points_are_left_out() -> None:
+def test_doubtful_points_are_kept_with_their_doubt_and_others_left_out() -> None:
     given = seen()
-    given[3] = replace(given[3], confidence=np.full(len(given[3].points), 0.49))
+    given[3] = replace(given[3], confidence=np.full(len(given[3].points), 0.19))
+    given[5] = replace(given[5], confidence=np.full(len(given[5].points), 0.3))
     episode = assembled(given).episode("drawn", 0.0)
+    np.testing.assert_allclose(episode.confidence[5], 0.3, atol=1e-6)
     assert np.isnan(episode.points[3]).all()
     assert (episode.confidence[3] == 0).all()
     assert np.isfinite(episode.points[4]).all()
@@ -142,9 +151,9 @@ def test_hand_that_is_lost_goes_straight() -> None:
     np.testing.assert_allclose(episode.controllers[7], episode.controllers[[5, 9]].mean(axis=0), atol=1e-4)
 
 
-def test_hidden_side_is_there_while_it_is_sure() -> None:
+def test_hidden_side_is_there_while_it_is_not_too_doubtful() -> None:
     behind = np.random.default_rng(3).uniform(-0.1, 0.1, (30, 3)) + [0, 0, 0.2]
-    sure = np.linspace(0.9, 0.1, 10)
+    sure = np.linspace(0.95, 0.05, 10)
     given = [
         replace(each, hidden_points=behind, hidden_confidence=np.full(30, confidence))
         for each, confidence in zip(seen(), sure, strict=True)
@@ -152,10 +161,10 @@ def test_hidden_side_is_there_while_it_is_sure() -> None:
     episode = assembled(given).episode("drawn", 0.0)
     added = episode.points[:, 60:]
     assert added.shape[1] == 30
-    np.testing.assert_allclose(added[sure >= 0.5], np.broadcast_to(behind, (5, 30, 3)), atol=1e-6)
-    assert np.isnan(added[sure < 0.5]).all()
+    np.testing.assert_allclose(added[sure >= 0.2], np.broadcast_to(behind, (8, 30, 3)), atol=1e-6)
+    assert np.isnan(added[sure < 0.2]).all()
     np.testing.assert_allclose(
-        episode.confidence[:, 60:], np.where(sure >= 0.5, sure, 0)[:, None] * np.ones(30), atol=1e-6
+        episode.confidence[:, 60:], np.where(sure >= 0.2, sure, 0)[:, None] * np.ones(30), atol=1e-6
     )
 
 
@@ -168,3 +177,22 @@ def test_nothing_sure_is_an_error_or_an_episode_that_says_so() -> None:
     given = [replace(each, confidence=np.zeros(len(each.points))) for each in seen()]
     with pytest.raises(EpisodeError):
         assembled(given).episode("drawn", 0.0)
+
+
+def test_points_that_a_hand_hides_and_holds_go_along_with_it() -> None:
+    given = seen(holds=True)
+    grip = given[GRIP].hands[0].grip
+    nearest = np.argsort(np.linalg.norm(given[GRIP].points - grip, axis=1))[:3]
+    for frame in range(GRIP, 10):
+        sure = np.ones(len(given[frame].points))
+        sure[nearest] = 0.0
+        given[frame] = replace(given[frame], confidence=sure)
+    options = replace(OPTIONS, object_points=len(given[0].points))
+    held = assembled(given, options).episode("drawn", 0.0)
+    pushed = assembled([replace(each, hands={0: replace(each.hands[0], holds=False)}) for each in given], options)
+    assert np.isfinite(held.points[9]).all()
+    hidden = np.isnan(pushed.episode("drawn", 0.0).points[9]).any(axis=1)
+    assert hidden.sum() == 3
+    moved = held.points[9, hidden] - held.points[GRIP, hidden]
+    hand = held.controllers[9].mean(axis=0) - held.controllers[GRIP].mean(axis=0)
+    np.testing.assert_allclose(moved, np.broadcast_to(hand, moved.shape), atol=1e-5)

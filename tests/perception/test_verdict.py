@@ -101,8 +101,8 @@ def test_seconds_count_points_and_hands_over_all_frames_of_the_video():
     none = replace(one.masks, hand=np.zeros_like(one.masks.hand))
     one = replace(one, masks=none, hand_points=np.full_like(one.hand_points, np.nan))
     sure = np.array([1.0] * 6 + [0.3] * 3 + [0.0])
-    here = HandSight(pixel=np.zeros(2), depth=0.5, radius=9.0, has_contact=False)
-    hands = {0: here, 1: replace(here, has_contact=True)}
+    here = HandSight(pixel=np.zeros(2), depth=0.5, radius=9.0, grip=np.full(3, np.nan), holds=False)
+    hands = {0: here, 1: replace(here, grip=np.zeros(3))}
     stamps_ns = [5_000_000_000 + 50_000_000 * frame for frame in range(44)]
     seen = SecondsSeen(least_confidence=0.5)
     for frame in range(32):

@@ -4,11 +4,13 @@ An arm that enters from the border ends in the hand; one that does not (a glove,
 has its hand at the end that is nearer to the object. The hand is the last part of the arm, about as long as it is wide.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
 
 import cv2
 import numpy as np
 
+from egophys_core.perception.hands.hand_outline import HandOutline
 from egophys_core.perception.hands.landmark_depth import LandmarkGrip
 from egophys_core.perception.masks.silhouette import inside
 
@@ -31,6 +33,14 @@ GRIP_AHEAD = 0.5
 """From the middle of the hand towards its tip, in halves of its width: where it holds and pushes."""
 
 
+class SizeCue(Enum):
+    """What tells the middle of a hand and its width; those of one cue are not those of another."""
+
+    MASK = "mask"
+    OUTLINE = "outline"
+    LANDMARKS = "landmarks"
+
+
 @dataclass(frozen=True, kw_only=True)
 class SeenArm:
     """One arm in a view."""
@@ -43,8 +53,31 @@ class SeenArm:
     """[2] pixel x, y: where the hand holds or pushes."""
     radius: float
     """Pixels: half of the width of the hand."""
+    outline: HandOutline | None = None
+    """Of the hand, where it is like an ellipse."""
     landmarks: LandmarkGrip | None = None
     """The grip by landmarks of the hand, where they were looked for and found."""
+
+    @property
+    def cue(self) -> SizeCue:
+        """What its centre and radius are from."""
+        if self.landmarks is not None:
+            return SizeCue.LANDMARKS
+        return SizeCue.MASK if self.outline is None else SizeCue.OUTLINE
+
+    def with_outline(self, outline: HandOutline) -> "SeenArm":
+        """The arm whose hand ends at an outline: middle, width and mask follow from that."""
+        away = self.grip - self.centre
+        forward = away / max(float(np.linalg.norm(away)), 1e-9)
+        radius = outline.half_widths[0]
+        return replace(
+            self,
+            mask=self.mask | outline.mask(self.mask.shape),
+            centre=outline.centre,
+            grip=outline.centre + GRIP_AHEAD * radius * forward,
+            radius=radius,
+            outline=outline,
+        )
 
 
 def find_arms(hand: np.ndarray, surface: np.ndarray) -> list[SeenArm]:
@@ -56,7 +89,7 @@ def find_arms(hand: np.ndarray, surface: np.ndarray) -> list[SeenArm]:
     """
     bridged = cv2.dilate(hand.astype(np.uint8), np.ones((BRIDGED_PX, BRIDGED_PX), np.uint8))
     count, labels = cv2.connectedComponents(bridged, connectivity=8)
-    goal = np.argwhere(surface)[:, ::-1].mean(axis=0) if surface.any() else np.array(hand.shape[::-1]) / 2
+    goal = _middle(surface)
     return [
         arm
         for label in range(1, count)
@@ -106,6 +139,20 @@ def _arm(mask: np.ndarray, entry: np.ndarray | None, goal: np.ndarray) -> SeenAr
     away = tip - centre
     forward = away / max(float(np.linalg.norm(away)), 1e-9)
     return SeenArm(mask=mask, centre=centre, grip=centre + GRIP_AHEAD * radius * forward, radius=radius)
+
+
+def arm_at(outline: HandOutline, surface: np.ndarray) -> SeenArm:
+    """A hand of which nothing but the outline is seen; it holds on the side of the object, [S, S] bool."""
+    radius = outline.half_widths[0]
+    away = _middle(surface) - outline.centre
+    grip = outline.centre + GRIP_AHEAD * radius * away / max(float(np.linalg.norm(away)), 1e-9)
+    mask = outline.mask(surface.shape)
+    return SeenArm(mask=mask, centre=outline.centre, grip=grip, radius=radius, outline=outline)
+
+
+def _middle(mask: np.ndarray) -> np.ndarray:
+    """[2] pixel x, y: of a mask [S, S] bool, of the view if it is empty."""
+    return np.argwhere(mask)[:, ::-1].mean(axis=0) if mask.any() else np.array(mask.shape[::-1]) / 2
 
 
 def is_near(arm: SeenArm, surface: np.ndarray) -> bool:

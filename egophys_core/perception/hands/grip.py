@@ -1,28 +1,16 @@
-"""Where a hand holds or pushes the object, from view to view.
+"""Where a hand acts on the object, told when the object begins to move.
 
-A hand holds what it covers when the object begins to move. From then on that place goes along with the hand, which
-moves in the image by a similarity, fitted to the optical flow of its pixels. Flow drifts, so the place is drawn back to
-where it was beside the middle of the hand.
+Then the object is where it lay, so that what the hand covers or touches has a known place. From then on the width of
+the hand tells how deep in the view its middle is, and the place where it acts stays beside that as it was.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
-from egophys_core.perception.hands.arms import SeenArm
-
-FEWEST_PIXELS = 60
-"""Of a hand, to fit a motion to."""
-
-FLOW_STEP = 3
-"""Every so many pixels of the hand are used."""
-
-FLOW_MISS_PX = 1.5
-"""Pixels: flow that is farther from the similarity is of something else."""
-
-HAND_IN_RADII = 3.0
-"""From the middle of a hand, in halves of its width: what moves with it; the arm behind turns otherwise."""
+from egophys_core.perception.hands.arms import SeenArm, SizeCue
+from egophys_core.perception.hands.hand_points import at_depth
+from egophys_core.perception.stages import View
 
 FEWEST_COVERED = 300
 """Pixels of the object that a hand covers, from which on their middle tells where it holds."""
@@ -30,73 +18,94 @@ FEWEST_COVERED = 300
 HELD_SHARE = 0.15
 """Share of the hand's disc that covers the object where it holds it: 0.3 to 0.6 in holds, 0.05 in a push."""
 
-HELD_RADIUS_M = 0.025
-"""Metres around the grip: what is held; about a finger and a thumb."""
+HELD_RADIUS_M = 0.015
+"""Metres around the grip: what is held, wherever the hand turns; about a fingertip."""
 
-PULL_BACK = 0.15
-"""Share of the drift against the middle of the hand that is taken off in a view."""
+FEWEST_HELD = 3
+"""Vertices that are held, however far apart they are."""
+
+USUAL_HALF_WIDTH_M = 0.042
+"""Metres: of a closed hand."""
+
+COVERED_RADIUS_M, PUSHED_RADIUS_M = 0.025, 0.05
+"""Metres around the place where a hand holds or pushes: what it may touch."""
+
+HELD_SIGMA_M, PUSHED_SIGMA_M = 0.01, 0.04
+"""Metres: by which what a hand covers, or is seen beside, is nearer or farther than where it acts."""
+
+WIDTH_SHARE = 0.08
+"""Standard deviation of the width of hands; error of a depth by it."""
+
+PALM_BEFORE_M = 0.06
+"""Metres by which the middle of a hand is usually nearer to the eye than where it acts."""
+
+NEARER_M = 2 * USUAL_HALF_WIDTH_M
+"""Metres: the middle of a hand is nearer to the eye than what it holds, by no more than it is wide."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HandGrip:
-    """Where a hand acts on the object, in one view."""
+    """What stays the same of a hand that acts on the object."""
 
-    pixel: np.ndarray
-    """[2] x, y."""
-    beside: np.ndarray
-    """[2] pixels: from the middle of the hand to it, when the contact began."""
+    half_width: float
+    """Metres."""
+    offset: np.ndarray
+    """[3] metres, frame world: from the middle of the hand to where it holds or pushes."""
     vertices: np.ndarray
-    """[H] int: vertices of the object that were there then; none of a hand that pushes, which covers nothing."""
+    """[H] int: vertices of the object that it holds; none of a hand that pushes."""
+    beside: np.ndarray
+    """[H, 3] metres, frame world: from where it holds to these."""
+    holds: bool
+    """Whether it covers what it acts on; it pushes where it does not."""
+    cue: SizeCue
+    """What its width and its middle are from."""
 
 
-def hand_motion(flow: np.ndarray, before: SeenArm) -> np.ndarray | None:
-    """[2, 3] similarity that moves a hand's pixels from one view to the next; None if there is too little to see.
+def take_grip(arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, places: np.ndarray, view: View) -> HandGrip:
+    """Where a hand acts when the object begins to move.
 
-    Args:
-        flow: [S, S, 2] pixels, from the earlier view to the later.
-        before: the arm in the earlier view.
-    """
-    rows, columns = np.nonzero(before.mask)
-    near = np.hypot(columns - before.centre[0], rows - before.centre[1]) < HAND_IN_RADII * before.radius
-    rows, columns = rows[near][::FLOW_STEP], columns[near][::FLOW_STEP]
-    if len(rows) < FEWEST_PIXELS / FLOW_STEP:
-        return None
-    start = np.column_stack([columns, rows]).astype(np.float32)
-    end = start + flow[rows, columns]
-    cv2.setRNGSeed(0)
-    motion, _ = cv2.estimateAffinePartial2D(start, np.ascontiguousarray(end), ransacReprojThreshold=FLOW_MISS_PX)
-    return motion
-
-
-def carried(pixels: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """[N, 2] pixels after a similarity [2, 3]."""
-    return pixels @ motion[:, :2].T + motion[:, 2]
-
-
-def take_grip(arm: SeenArm, surface: np.ndarray, vertices: np.ndarray, focal: float) -> HandGrip:
-    """Where a hand acts when the object begins to move: by its landmarks, else in the middle of what it covers, else
-    ahead of its middle.
+    That is by its landmarks, else in the middle of what it covers, else ahead of its middle.
 
     Args:
         arm: of the hand.
-        surface: [S, S] bool: where the object is, seen or hidden.
-        vertices: [V, 3] pixels and depth in metres, of the object.
-        focal: focal length, pixels.
+        silhouette: [S, S] bool: where the object is, seen or hidden.
+        positions: [V, 3] metres, frame world: the object's vertices.
+        places: [V, 3] pixels and depth in metres, of these.
+        view: its pose is known.
     """
-    rows, columns = np.nonzero(arm.mask & surface)
+    rows, columns = np.nonzero(arm.mask & silhouette)
     by_cover = arm.landmarks is None and len(rows) >= FEWEST_COVERED
     pixel = np.array([columns.mean(), rows.mean()]) if by_cover else arm.grip
-    away = np.linalg.norm(vertices[:, :2] - pixel, axis=1) * vertices[:, 2] / focal
-    is_held = len(rows) >= HELD_SHARE * np.pi * arm.radius**2
-    there = np.flatnonzero(is_held & (away <= max(HELD_RADIUS_M, float(away.min()))))
-    return HandGrip(pixel=pixel, beside=pixel - arm.centre, vertices=there)
+    focal = view.camera_matrix[0, 0]
+    away = np.linalg.norm(places[:, :2] - pixel, axis=1) * places[:, 2] / focal
+    is_held = bool(len(rows) >= HELD_SHARE * np.pi * arm.radius**2)
+    touched = places[away <= max(COVERED_RADIUS_M if is_held else PUSHED_RADIUS_M, float(away.min())), 2]
+    by_width = depth_by_width(USUAL_HALF_WIDTH_M, arm, view) + PALM_BEFORE_M
+    depth = _fused_depth(touched, HELD_SIGMA_M if is_held else PUSHED_SIGMA_M, by_width)
+    if_as_deep = arm.radius * depth / focal
+    half_width = float(np.clip(USUAL_HALF_WIDTH_M, if_as_deep * (1 - NEARER_M / depth), if_as_deep))
+    middle = at_depth(arm.centre[None], depth_by_width(half_width, arm, view), view)[0]
+    place = at_depth(pixel[None], depth, view)[0]
+    apart = np.linalg.norm(positions - place, axis=1)
+    nearest = np.argsort(apart, kind="stable")[: FEWEST_HELD if is_held else 0]
+    held = np.union1d(nearest, np.flatnonzero((apart <= HELD_RADIUS_M) & is_held)).astype(int)
+    return HandGrip(
+        half_width=half_width,
+        offset=place - middle,
+        vertices=held,
+        beside=positions[held] - place,
+        holds=is_held,
+        cue=arm.cue,
+    )
 
 
-def follow(grip: HandGrip, motion: np.ndarray | None, arm: SeenArm) -> HandGrip:
-    """The grip in the next view, in which the hand was found."""
-    if arm.landmarks is not None:
-        return replace(grip, pixel=arm.grip, beside=arm.grip - arm.centre)
-    if motion is None:
-        return replace(grip, pixel=arm.centre + grip.beside)
-    pixel = carried(grip.pixel[None], motion)[0]
-    return replace(grip, pixel=pixel - PULL_BACK * (pixel - arm.centre - grip.beside))
+def _fused_depth(touched: np.ndarray, sigma: float, by_width: float) -> float:
+    """Metres: by the width, and by depths of what may be touched, which differ where a hidden side is pushed."""
+    of_touched = 1 / (sigma**2 + float(touched.var()))
+    of_width = 1 / (WIDTH_SHARE * by_width) ** 2
+    return float((of_touched * np.median(touched) + of_width * by_width) / (of_touched + of_width))
+
+
+def depth_by_width(half_width: float, arm: SeenArm, view: View) -> float:
+    """Metres along the optical axis of a hand that is so wide, metres."""
+    return float(view.camera_matrix[0, 0] * half_width / arm.radius)

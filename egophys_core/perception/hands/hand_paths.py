@@ -3,24 +3,23 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, median_filter
 
 from egophys_core.perception.hands.hand_points import at_depth
 from egophys_core.perception.observation import HandSight
 from egophys_core.perception.stages import View
 
-STEADY_S = 0.12
-"""Seconds: widths come and go from view to view with the outline, hands move more slowly."""
+STEADY_S = 0.05
+"""Seconds: widths come and go a little from view to view, hands move more slowly."""
 
-LEARNT_VIEWS = 10
-"""Views from contact on in which the width of a hand is learnt."""
+OUTLIER_VIEWS = 5
+"""Views of a median of the widths."""
 
 
 def hand_paths(sights: Sequence[Mapping[int, HandSight]], views: Sequence[View]) -> dict[int, np.ndarray]:
     """[T, 3] metres, frame world, by the hand's number, where each holds or pushes; of those that ever have contact.
 
-    The depth follows from the width of the hand, which is known from the contact on. Where a hand is not seen it goes
-    straight from where it was last to where it is next.
+    Where a hand is not seen it goes straight from where it was last to where it is next.
 
     Args:
         sights: T views.
@@ -40,14 +39,15 @@ def contact_views(sights: Sequence[Mapping[int, HandSight]]) -> dict[int, int]:
 
 
 def _path(sights: Sequence[HandSight | None], views: Sequence[View]) -> np.ndarray:
-    seen = np.array([frame for frame, sight in enumerate(sights) if sight is not None])
-    times = np.array([view.stamp_ns for view in views]) * 1e-9
-    touched = [frame for frame in seen if sights[frame].has_contact]
-    spread = [sights[frame].depth * sights[frame].radius for frame in touched[:LEARNT_VIEWS]]
-    depth = np.array([sights[f].depth if sights[f].has_contact else np.median(spread) / sights[f].radius for f in seen])
+    known = {frame: sight for frame, sight in enumerate(sights) if sight is not None}
+    first = next(frame for frame, sight in known.items() if sight.has_contact)
+    touched = known[first]
+    offset = touched.grip - at_depth(touched.pixel[None], touched.depth, views[first])[0]
+    seen, times = np.array(list(known)), np.array([view.stamp_ns for view in views]) * 1e-9
     step = float(np.median(np.diff(times[seen]))) if len(seen) > 1 else STEADY_S
-    depth = gaussian_filter1d(depth, STEADY_S / step, mode="nearest")
-    places = np.array(
-        [at_depth(sights[frame].pixel[None], each, views[frame])[0] for frame, each in zip(seen, depth, strict=True)]
+    inverse = median_filter(np.array([1 / sight.radius for sight in known.values()]), OUTLIER_VIEWS, mode="nearest")
+    depth = touched.depth * touched.radius * gaussian_filter1d(inverse, STEADY_S / step, mode="nearest")
+    places = offset + np.array(
+        [at_depth(known[frame].pixel[None], each, views[frame])[0] for frame, each in zip(seen, depth, strict=True)]
     )
     return np.column_stack([np.interp(times, times[seen], places[:, axis]) for axis in range(3)])

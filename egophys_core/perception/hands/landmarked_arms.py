@@ -6,39 +6,32 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.perception.hands.arms import SeenArm
-from egophys_core.perception.hands.hand_tracks import USUAL_HALF_WIDTH_M
+from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M
 from egophys_core.perception.hands.landmark_depth import LandmarkGrip, landmark_grip
 from egophys_core.perception.stages import HandLandmarker, HandLandmarks, View
-
-RATIOS = 31
-"""Views over which the median of the ratio of both sizes of a hand is taken."""
 
 
 class LandmarkedArms:
     """Arms from view to view, with what landmarks tell of them.
 
-    The half width of an arm becomes that of a usual hand as deep in the view as the landmarks are; where none are found
-    it is that by shape, corrected by what the ratio of both was before, so that depths do not jump.
+    The half width of an arm becomes that of a usual hand as deep in the view as the landmarks are.
     """
 
     def __init__(self, landmarker: HandLandmarker) -> None:
-        """No hand has been seen."""
         self._landmarker = landmarker
-        self._ratios: dict[int, list[float]] = {}
 
     def next(self, arms: Mapping[int, SeenArm], view: View) -> dict[int, SeenArm]:
         """The arms of the next view, by the hand's number, as they come; landmarks are looked for if there are any."""
         hands = self._landmarker.hands(view) if arms else []
         grips = grips_of_arms(arms, hands, view.camera_matrix)
-        return {number: self._corrected(number, arm, grips.get(number), view) for number, arm in arms.items()}
+        return {number: _corrected(arm, grips.get(number), view) for number, arm in arms.items()}
 
-    def _corrected(self, number: int, arm: SeenArm, grip: LandmarkGrip | None, view: View) -> SeenArm:
-        ratios = self._ratios.setdefault(number, [])
-        if grip is not None:
-            radius = float(view.camera_matrix[0, 0]) * USUAL_HALF_WIDTH_M / grip.depth
-            self._ratios[number] = [*ratios[1 - RATIOS :], radius / arm.radius]
-            return replace(arm, grip=grip.pixel, radius=radius, landmarks=grip)
-        return replace(arm, radius=arm.radius * float(np.median(ratios))) if ratios else arm
+
+def _corrected(arm: SeenArm, grip: LandmarkGrip | None, view: View) -> SeenArm:
+    if grip is None:
+        return arm
+    radius = float(view.camera_matrix[0, 0]) * USUAL_HALF_WIDTH_M / grip.depth
+    return replace(arm, centre=grip.pixel, grip=grip.pixel, radius=radius, landmarks=grip)
 
 
 def grips_of_arms(

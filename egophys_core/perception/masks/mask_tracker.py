@@ -155,6 +155,11 @@ class MaskTracker:
         self._amodal = found | (amodal & hand)
         return Masks(object=found.copy(), hand=hand.copy())
 
+    def go_on_from(self, masks: Masks) -> None:
+        """Take better masks of the last view for those that were found in it."""
+        self._object, self._hand = masks.object.copy(), masks.hand.copy()
+        self._amodal = self._object | (self._amodal & self._hand)
+
     def _moved(self, view: View, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Last object, with what the hand hid of it, and hand, [S, S] bool each, where the flow takes them."""
         side = len(grey)

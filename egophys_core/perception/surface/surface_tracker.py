@@ -1,15 +1,11 @@
 """Follows a surface from view to view: predict, render, compare, solve."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from egophys_core.constants import GRAVITY
-from egophys_core.perception.hands.arms import SeenArm
-from egophys_core.perception.hands.grip import HandGrip, follow, hand_motion, take_grip
-from egophys_core.perception.hands.hand_tracks import HandWidth
+from egophys_core.perception.hands.hand_contacts import NOTHING_HELD, HeldVertices
 from egophys_core.perception.masks import silhouette
 from egophys_core.perception.options import ObjectKind
 from egophys_core.perception.stages import Masks, View
@@ -32,6 +28,9 @@ DAMPING = 0.9
 
 MOTION_SIGMA_M = 0.020
 """Metres a view: error of the prediction."""
+
+HELD_SIGMA_M = 0.010
+"""Metres: error of the place of what a hand holds, by the hand."""
 
 SMOOTHING = 0.7
 """Weight of the newest displacement in the velocity."""
@@ -63,36 +62,6 @@ OUTSIDE_SIGMA_PX, UNCOVERED_SIGMA_PX, OUTLINE_DOUBT_PX = 2.0, 4.0, 20.0
 MISSED_PX = 2.0
 """Pixels: a patch farther from its place in the solved surface was a wrong one."""
 
-MOVED_M = 0.0015
-"""Metres from rest from which on a vertex that is seen counts as moved."""
-
-FEWEST_MOVED = 5
-"""Vertices near a hand that must have moved before it is said to have contact."""
-
-SURFACE_DEPTH_SIGMA_M = 0.008
-"""Metres: of the depth of what a hand touches, where it is seen to be."""
-
-WIDTH_DEPTH_SHARE = 0.05
-"""Of the distance: error of a depth that is told by the width of a hand."""
-
-TOUCHING_M = 0.04
-"""Metres from the object, as seen from the camera, beyond which a hand does not touch it."""
-
-NEAR_HAND_M = 0.12
-"""Metres from where a hand holds or pushes: vertices that move there are moved by it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class HandState:
-    """A hand in one view."""
-
-    pixel: np.ndarray
-    """[2] x, y: where it holds or pushes."""
-    depth: float
-    """Metres along the optical axis there: by the width of the hand, and by what it touches."""
-    has_contact: bool
-    """Whether the object has moved under it by now."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceState:
@@ -104,8 +73,6 @@ class SurfaceState:
     """[W] metres: standard deviation of the points; of a sheet, given the view before."""
     seen: np.ndarray
     """[N] bool: features found in this view."""
-    hands: Mapping[int, HandState]
-    """The hands that are seen, by number."""
 
 
 class SurfaceTracker:
@@ -131,26 +98,21 @@ class SurfaceTracker:
         self._found = Found(
             features=np.arange(count), pixels=rest.feature_pixels, sigma=np.ones(count), side=np.ones(count)
         )
-        self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
-        self._grey = cv2.cvtColor(reference.image, cv2.COLOR_BGR2GRAY)
-        self._arms: Mapping[int, SeenArm] = {}
-        self._grips: dict[int, HandGrip] = {}
-        self._widths: dict[int, HandWidth] = {}
 
-    def next(self, view: View, masks: Masks, arms: Mapping[int, SeenArm]) -> SurfaceState:
+    def next(self, view: View, masks: Masks, held: HeldVertices = NOTHING_HELD) -> SurfaceState:
         """Solve for the surface in the next view.
 
         Args:
             view: its pose is known.
             masks: of the view; empty ones leave the surface to the prediction.
-            arms: of the hands that are seen, by number.
+            held: what goes along with hands.
         """
         evened = even_contrast(view.image)
-        self._follow_hands(view, arms)
         step_s = abs(view.stamp_ns - self._stamp_ns) * 1e-9
-        predicted = self._predicted(self._step_s(view))
+        predicted, doubt = self._predicted(self._step_s(view)), np.full(len(self._positions), MOTION_SIGMA_M)
+        predicted[held.vertices], doubt[held.vertices] = held.places, HELD_SIGMA_M
         carried = feature_search.follow(self._found, self._evened, evened, masks)
-        fitted, found = self._searched(view, masks, evened, predicted, carried)
+        fitted, found = self._searched(view, masks, evened, predicted, doubt, carried)
         if self._is_body and len(found.features) < FEWEST_FOUND:
             again = self._found_again(view, masks, evened, carried)
             if again is not None:
@@ -164,16 +126,15 @@ class SurfaceTracker:
         seen[self._found.features[self._found.features < len(seen)]] = True
         sigma = np.hypot(fitted.sigma, self._placed())
         self._learn(view, masks, fitted.positions, sigma)
-        self._find_contacts(view, seen)
-        return SurfaceState(positions=fitted.positions, sigma=sigma, seen=seen, hands=self._hand_states(view))
+        return SurfaceState(positions=fitted.positions, sigma=sigma, seen=seen)
 
     def _searched(
-        self, view: View, masks: Masks, evened: np.ndarray, predicted: np.ndarray, carried: Found
+        self, view: View, masks: Masks, evened: np.ndarray, predicted: np.ndarray, doubt: np.ndarray, carried: Found
     ) -> tuple[FittedSurface, Found]:
         """The surface in the view, and the features that lie where it has them."""
         start = predicted
         for levels in LEVELS:
-            fitted, found = self._solve(view, masks, evened, predicted, start, carried, levels)
+            fitted, found = self._solve(view, masks, evened, predicted, doubt, start, carried, levels)
             start = fitted.positions
         missed = fitted.residual[: len(found.features)] >= MISSED_PX
         return fitted, found.without(found.features[missed])
@@ -189,7 +150,8 @@ class SurfaceTracker:
         move = relocated(self._landmarks, places, evened, view, masks)
         if move is None:
             return None
-        fitted, found = self._searched(view, masks, evened, rest @ move[:3, :3].T + move[:3, 3], carried)
+        there, doubt = rest @ move[:3, :3].T + move[:3, 3], np.full(len(rest), MOTION_SIGMA_M)
+        fitted, found = self._searched(view, masks, evened, there, doubt, carried)
         return (fitted, found) if len(found.features) >= FEWEST_FOUND else None
 
     def silhouette(self, view: View) -> np.ndarray:
@@ -234,6 +196,7 @@ class SurfaceTracker:
         masks: Masks,
         evened: np.ndarray,
         predicted: np.ndarray,
+        doubt: np.ndarray,
         start: np.ndarray,
         carried: Found,
         levels: int,
@@ -259,63 +222,7 @@ class SurfaceTracker:
         covered = scene.rendering.silhouette
         parts = [seen, _outline(*silhouette.outliers(vertices, masks), self._doubt * OUTSIDE_SIGMA_PX)]
         parts.append(_outline(*silhouette.uncovered(vertices, covered, masks), self._doubt * UNCOVERED_SIGMA_PX))
-        sigma = np.full(len(start), MOTION_SIGMA_M)
-        return fitter.fit(view, _together(parts), predicted, sigma, self._iterations, start), found
-
-    def _follow_hands(self, view: View, arms: Mapping[int, SeenArm]) -> None:
-        """The hands' motion since the view before; what they hold goes along."""
-        grey = cv2.cvtColor(view.image, cv2.COLOR_BGR2GRAY)
-        for number, arm in arms.items():
-            self._widths.setdefault(number, HandWidth()).see(arm)
-        if self._grips and self._arms:
-            flow = self._flow.calc(self._grey, grey, None)
-            for number in self._grips.keys() & arms.keys():
-                before = self._arms.get(number)
-                motion = None if before is None else hand_motion(flow, before)
-                self._grips[number] = follow(self._grips[number], motion, arms[number])
-        self._grey, self._arms = grey, arms
-
-    def _hand_states(self, view: View) -> dict[int, HandState]:
-        states = {}
-        for number, arm in self._arms.items():
-            grip = self._grips.get(number)
-            pixel, depth = arm.grip, self._widths[number].depth(view.camera_matrix[0, 0])
-            if grip is not None:
-                pixel, depth = grip.pixel, self._depth_of(grip, depth, view)
-            states[number] = HandState(pixel=pixel, depth=depth, has_contact=grip is not None)
-        return states
-
-    def _depth_of(self, grip: HandGrip, by_width: float, view: View) -> float:
-        """Metres: by the width of the hand, and by the surface as far as it is where the hand is seen."""
-        if not len(grip.vertices):
-            return by_width
-        held = project(self._positions[grip.vertices], view.camera_matrix, view.world_from_camera)
-        by_surface = float(np.median(held[:, 2]))
-        apart = np.linalg.norm(held[:, :2].mean(axis=0) - grip.pixel) * by_surface / view.camera_matrix[0, 0]
-        of_surface = 1 / (SURFACE_DEPTH_SIGMA_M**2 + apart**2)
-        of_width = 1 / (WIDTH_DEPTH_SHARE * by_width) ** 2
-        return float((of_surface * by_surface + of_width * by_width) / (of_surface + of_width))
-
-    def _find_contacts(self, view: View, seen: np.ndarray) -> None:
-        """A hand at the object, which begins to move near it, has contact; there its depth is that of the object."""
-        untouched = [number for number in self._arms if number not in self._grips]
-        if not untouched:
-            return
-        model, focal = self._rest.model, view.camera_matrix[0, 0]
-        vertices = np.unique(self._corners[: len(seen)][seen])
-        moved = vertices[np.linalg.norm(self._positions[vertices] - model.rest[vertices], axis=1) > MOVED_M]
-        places = project(self._positions[: len(model.mesh.pixels)], view.camera_matrix, view.world_from_camera)
-        for number in untouched:
-            arm = self._arms[number]
-            away = np.linalg.norm(places[:, :2] - arm.grip, axis=1) * places[:, 2] / focal
-            if away.min() > TOUCHING_M or np.count_nonzero(away[moved] < NEAR_HAND_M) < FEWEST_MOVED:
-                continue
-            surface = self._scene(self._positions, view).rendering.silhouette
-            grip = take_grip(arm, surface, places, focal)
-            nearest = np.linalg.norm(places[:, :2] - grip.pixel, axis=1).argmin()
-            touched = grip.vertices if len(grip.vertices) else [nearest]
-            self._grips[number] = grip
-            self._widths[number].learn(float(np.median(places[touched, 2])), focal)
+        return fitter.fit(view, _together(parts), predicted, doubt, self._iterations, start), found
 
 
 def _of_vertices(vertices: np.ndarray, pixels: np.ndarray, sigma: float, robust_scale: float) -> Correspondences:

@@ -1,19 +1,25 @@
-"""Where a hand holds: its motion in the image, and the place that goes along."""
+"""Where a hand acts on the object when that begins to move, and how deep in the view a hand is by its width."""
 
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
-from egophys_core.perception.hands.arms import SeenArm, find_arms
-from egophys_core.perception.hands.grip import carried, follow, hand_motion, take_grip
+from egophys_core.perception.hands.arms import SeenArm, SizeCue, find_arms
+from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M, HandGrip, depth_by_width, take_grip
+from egophys_core.perception.hands.hand_points import at_depth
 from egophys_core.perception.hands.landmark_depth import LandmarkGrip
+from egophys_core.perception.stages import View
+from egophys_core.perception.surface.surface_render import project
 from tests.perception.hands.arm_drawing import SIDE, arm_mask, disc
 
 FOCAL = 300.0
+MATRIX = np.array([[FOCAL, 0, SIDE / 2], [0, FOCAL, SIDE / 2], [0, 0, 1]])
+VIEW = View(
+    stamp_ns=0, image=np.zeros((SIDE, SIDE, 3), np.uint8), camera_matrix=MATRIX, world_from_camera=np.eye(4)
+)  # fmt: skip
 OBJECT = disc((110, 160), 70)
-STAY = np.array([[1.0, 0, 0], [0, 1, 0]])
+DEPTH = 0.5
 
 
 def arm_at(x: int = 190, y: int = 160) -> SeenArm:
@@ -23,91 +29,82 @@ def arm_at(x: int = 190, y: int = 160) -> SeenArm:
 def vertices() -> np.ndarray:
     """[V, 3] pixels and depth, half a metre away, 5 pixels apart."""
     grid = np.stack(np.meshgrid(np.arange(40, 181, 5.0), np.arange(100, 221, 5.0)), axis=-1).reshape(-1, 2)
-    return np.column_stack([grid, np.full(len(grid), 0.5)])
+    return np.column_stack([grid, np.full(len(grid), DEPTH)])
 
 
-@pytest.mark.parametrize(
-    ("angle", "scale", "shift"), [(0.0, 1.0, (4.0, -2.0)), (2.0, 1.0, (1.0, 3.0)), (0.0, 1.03, (0.0, 0.0))]
-)
-def test_motion_of_the_hand_is_found_though_the_rest_stands(
-    angle: float, scale: float, shift: tuple[float, float]
-) -> None:
-    noise = cv2.GaussianBlur(np.random.default_rng(0).normal(size=(SIDE, SIDE)), (0, 0), 5.0)
-    before = (128 + 50 * noise / noise.std()).clip(0, 255).astype(np.uint8)
-    (arm,) = find_arms(arm_mask((SIDE - 1, 160), (190, 160), radius=40, half_width=30), OBJECT)
-    true = cv2.getRotationMatrix2D((200.0, 160.0), angle, scale)
-    true[:, 2] += shift
-    moved = cv2.warpAffine(before, true, (SIDE, SIDE), borderMode=cv2.BORDER_REFLECT)
-    there = cv2.warpAffine(arm.mask.astype(np.uint8), true, (SIDE, SIDE)) > 0
-    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST).calc(before, np.where(there, moved, before), None)
-    motion = hand_motion(flow, arm)
-    assert motion is not None
-    middle = np.array([[190.0, 160], [205, 155]])
-    np.testing.assert_allclose(carried(middle, motion), carried(middle, true), atol=1.0)
+def grip_of(arm: SeenArm, places: np.ndarray | None = None) -> HandGrip:
+    """Of a hand at the object, whose vertices are at some pixels and depths."""
+    places = vertices() if places is None else places
+    positions = np.vstack([at_depth(place[None, :2], place[2], VIEW) for place in places])
+    return take_grip(arm, OBJECT, positions, places, VIEW)
 
 
-def test_an_arm_that_turns_behind_the_hand_does_not_count() -> None:
-    arm = arm_at(80)
-    flow = np.zeros((SIDE, SIDE, 2), np.float32)
-    flow[:, :165] = [3.0, 1.0]
-    flow[:, 165:] = [-8.0, 9.0]
-    motion = hand_motion(flow, arm)
-    assert motion is not None
-    np.testing.assert_allclose(motion, [[1, 0, 3], [0, 1, 1]], atol=1e-4)
+def held_at(grip: HandGrip, arm: SeenArm) -> np.ndarray:
+    """[3] pixel and depth of where a hand holds when it is where its grip was taken."""
+    middle = at_depth(arm.centre[None], depth_by_width(grip.half_width, arm, VIEW), VIEW)
+    return project(middle + grip.offset, MATRIX, np.eye(4))[0]
 
 
-def test_carried_is_the_similarity() -> None:
-    quarter = np.array([[0.0, -1, 10], [1, 0, 0]])
-    np.testing.assert_allclose(carried(np.array([[2.0, 3], [0, 0]]), quarter), [[7, 2], [10, 0]])
-
-
-def test_a_hand_holds_the_middle_of_what_it_covers() -> None:
+def test_a_hand_holds_the_middle_of_what_it_covers_as_deep_as_that_is() -> None:
     arm = arm_at(160)
-    grip = take_grip(arm, OBJECT, vertices(), FOCAL)
     # The object ends at x = 180; the hand's disc of 26 pixels begins at 134.
-    assert grip.pixel == pytest.approx([(134 + 180) / 2, 160], abs=2)
-    np.testing.assert_allclose(grip.beside, grip.pixel - arm.centre)
-    # A finger and a thumb reach 2 to 3 cm: 12 to 18 pixels at half a metre.
-    away = np.linalg.norm(vertices()[:, :2] - grip.pixel, axis=1)
-    assert set(np.flatnonzero(away < 12)) <= set(grip.vertices)
-    assert away[grip.vertices].max() < 18
+    assert held_at(grip_of(arm), arm) == pytest.approx([(134 + 180) / 2, 160, DEPTH], abs=2)
+    assert held_at(grip_of(arm), arm)[2] == pytest.approx(DEPTH, abs=0.01)
+
+
+def test_what_is_held_is_near_the_grip() -> None:
+    grip = grip_of(arm_at(160))
+    assert grip.holds
+    assert len(grip.vertices) >= 3
+    assert np.linalg.norm(grip.beside, axis=1).max() < 0.02
 
 
 def test_a_hand_that_hardly_covers_the_object_holds_ahead_of_its_middle() -> None:
     arm = arm_at(210)
-    np.testing.assert_array_equal(take_grip(arm, OBJECT, vertices(), FOCAL).pixel, arm.grip)
     assert arm.grip[0] < arm.centre[0]
+    grip = grip_of(arm)
+    np.testing.assert_allclose(held_at(grip, arm)[:2], arm.grip, atol=1e-6)
+    # Beside what is seen it may be a little nearer or farther; a usual hand, so wide, is 20 mm off.
+    assert held_at(grip, arm)[2] == pytest.approx(DEPTH, abs=0.025)
+    assert not grip.holds
+    assert len(grip.vertices) == 0
+
+
+def test_landmarks_tell_the_place_where_they_are_found() -> None:
+    place = np.array([130.0, 150])
+    arm = replace(arm_at(160), grip=place, landmarks=LandmarkGrip(pixel=place, depth=DEPTH, sigma=0.03))
+    grip = grip_of(arm)
+    np.testing.assert_allclose(held_at(grip, arm)[:2], place, atol=1e-6)
+    assert grip.cue == SizeCue.LANDMARKS
+
+
+def test_where_a_hidden_side_is_pushed_the_width_has_a_say() -> None:
+    arm, places = arm_at(210), vertices()
+    usual = depth_by_width(USUAL_HALF_WIDTH_M, arm, VIEW)
+    places[:, 2] = usual + 0.06
+    flat = held_at(grip_of(arm, places), arm)[2]
+    # A tenth of a metre farther back, more or less: what is touched is not known.
+    places[:, 2] += 0.1 + 0.08 * np.random.default_rng(0).standard_normal(len(places))
+    rough = held_at(grip_of(arm, places), arm)[2]
+    assert flat == pytest.approx(usual + 0.06, abs=0.001)
+    assert 0.005 < rough - flat < 0.05
+
+
+def test_a_hand_is_as_wide_as_hands_are_unless_it_were_far_from_what_it_holds() -> None:
+    arm, places = arm_at(160), vertices()
+    for depth in (0.2, 3.0):
+        places[:, 2] = depth
+        grip = grip_of(arm, places)
+        middle = depth_by_width(grip.half_width, arm, VIEW)
+        holding = held_at(grip, arm)[2]
+        # Not behind what it holds, nor farther before it than it is wide.
+        assert holding - 0.1 < middle <= holding + 1e-9
 
 
 def test_the_place_goes_along_with_the_hand() -> None:
-    grip = take_grip(arm_at(), OBJECT, vertices(), FOCAL)
-    shift = np.array([6.0, 3.0])
-    later = follow(grip, np.column_stack([np.eye(2), shift]), arm_at(196, 163))
-    np.testing.assert_allclose(later.pixel, grip.pixel + shift, atol=0.5)
-
-
-def test_without_a_motion_it_jumps_to_the_hand() -> None:
-    arm, there = arm_at(), arm_at(240, 180)
-    grip = take_grip(arm, OBJECT, vertices(), FOCAL)
-    np.testing.assert_allclose(follow(grip, None, there).pixel - there.centre, grip.pixel - arm.centre)
-
-
-def test_landmarks_tell_the_place_where_they_are_found_and_where_it_is_beside_the_hand() -> None:
-    arm, place = arm_at(160), np.array([130.0, 150])
-    by_landmarks = replace(arm, grip=place, landmarks=LandmarkGrip(pixel=place, depth=0.5, sigma=0.03))
-    np.testing.assert_array_equal(take_grip(by_landmarks, OBJECT, vertices(), FOCAL).pixel, place)
-    drifting = STAY + [[0, 0, 20.0], [0, 0, 20.0]]
-    grip = follow(take_grip(arm, OBJECT, vertices(), FOCAL), drifting, by_landmarks)
-    np.testing.assert_array_equal(grip.pixel, place)
-    there = arm_at(200, 175)
-    np.testing.assert_allclose(follow(grip, None, there).pixel - there.centre, place - arm.centre)
-
-
-def test_drift_of_the_flow_is_taken_off() -> None:
     arm = arm_at()
-    first = grip = take_grip(arm, OBJECT, vertices(), FOCAL)
-    drifting = STAY + [[0, 0, 0.5], [0, 0, 0.5]]
-    for _ in range(60):
-        grip = follow(grip, drifting, arm)
-    # Without it, 60 views of half a pixel are 30 pixels.
-    assert np.abs(grip.pixel - first.pixel).max() < 5
+    grip = grip_of(arm)
+    nearer = replace(arm, radius=1.25 * arm.radius)
+    assert depth_by_width(grip.half_width, nearer, VIEW) == pytest.approx(
+        0.8 * depth_by_width(grip.half_width, arm, VIEW)
+    )

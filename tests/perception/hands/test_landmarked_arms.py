@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from egophys_core.perception.hands.arms import SeenArm, find_arms
-from egophys_core.perception.hands.hand_tracks import HandWidth
+from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M, depth_by_width
 from egophys_core.perception.hands.landmarked_arms import LandmarkedArms, grips_of_arms
 from egophys_core.perception.stages import HandLandmarks, View
 from tests.perception.hands.arm_drawing import SIDE, arm_mask, disc
@@ -75,20 +75,9 @@ def test_landmarks_replace_grip_and_depth_of_the_shape():
     assert after[0].landmarks is not None
     np.testing.assert_allclose(after[0].grip, hand.pixels[[4, 8]].mean(axis=0))
     assert after[0].mask is before[0].mask
-    width = HandWidth()
-    width.see(after[0])
-    assert width.depth(MATRIX[0, 0]) == pytest.approx(after[0].landmarks.depth)
+    np.testing.assert_array_equal(after[0].centre, after[0].grip)
+    assert depth_by_width(USUAL_HALF_WIDTH_M, after[0], VIEW) == pytest.approx(after[0].landmarks.depth)
     assert after[0].landmarks.depth == pytest.approx(0.43, abs=0.04)
-
-
-def test_depths_do_not_jump_where_landmarks_are_not_found():
-    seen = [seen_hand(flat_hand(), (110, 160), depth) for depth in (1.0, 1.0, 1.6, 1.02, 1.0, 1.4)]
-    landmarked = LandmarkedArms(KnownHands(*([each] for each in seen), []))
-    first, *_, lost = [landmarked.next(arms(), VIEW)[0] for _ in range(7)]
-    assert lost.landmarks is None
-    np.testing.assert_array_equal(lost.grip, arms()[0].grip)
-    assert lost.radius == pytest.approx(first.radius, rel=0.03)
-    assert abs(arms()[0].radius / first.radius - 1) > 0.1
 
 
 def test_nothing_is_looked_for_without_arms():

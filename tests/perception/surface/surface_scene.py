@@ -4,9 +4,9 @@ Triangles are filled sample by sample with a depth buffer, two by two samples a 
 projection or rendering is used. What is bad in a video is done to its images afterwards (see `bag`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,9 @@ from scipy.spatial import cKDTree
 
 from benchmarks.drawn_video import Shape, folded_sheet, pushed_dome
 from egophys_core.perception.camera.board import Board
+from egophys_core.perception.hands.hand_contacts import HandContacts
 from egophys_core.perception.hands.hand_tracks import HandTracks
+from egophys_core.perception.observation import HandSight
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface.rest_surface import RestObject, rest_object
@@ -147,14 +149,33 @@ def object_at_rest(kind: str = "sheet") -> RestObject:
 
 
 @cache
+def handled(kind: str = "sheet") -> tuple[tuple[SurfaceState, dict[int, HandSight]], ...]:
+    """The object and the hands in every frame after the reference, with true poses and masks."""
+    rest, frames = object_at_rest(kind), video(kind)
+    return tuple(followed(rest, frames[rest.reference], frames[rest.reference + 1 :]))
+
+
+def followed(
+    rest: RestObject, first: DrawnFrame, frames: Sequence[DrawnFrame], hidden: Container[int] = ()
+) -> Iterator[tuple[SurfaceState, dict[int, HandSight]]]:
+    """The object and the hands in one frame after the other; no hand is seen in those whose index is hidden."""
+    corners, count = rest.model.mesh.triangles[rest.feature_triangles], len(rest.model.mesh.pixels)
+    tracker, hands = SurfaceTracker(rest, first.view), HandTracks()
+    contacts = HandContacts(rest.model.rest[:count])
+    for index, frame in enumerate(frames):
+        view, shown = frame.view, frame.masks.hand & (index not in hidden)
+        # Outlines of drawn hands, 8 pixels of radius, tell nothing: masks alone.
+        blank = np.zeros_like(view.image)
+        arms = hands.next(blank, shown, tracker.silhouette(view))
+        state = tracker.next(view, frame.masks, contacts.held(view, arms))
+        seen = np.zeros(count, bool)
+        seen[corners[state.seen]] = True
+        yield state, contacts.next(view, arms, state.positions[:count], seen, partial(tracker.silhouette, view))
+
+
 def tracked(kind: str = "sheet") -> tuple[SurfaceState, ...]:
     """The object in every frame after the reference, with true poses and masks."""
-    rest, frames = object_at_rest(kind), video(kind)
-    tracker, hands = SurfaceTracker(rest, frames[rest.reference].view), HandTracks()
-    return tuple(
-        tracker.next(each.view, each.masks, hands.next(each.masks.hand, tracker.silhouette(each.view)))
-        for each in frames[rest.reference + 1 :]
-    )
+    return tuple(state for state, _ in handled(kind))
 
 
 def surface(frame: DrawnFrame) -> np.ndarray:

@@ -1,0 +1,137 @@
+"""Which hands have begun to move the object, and where in space each of them acts on it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from egophys_core.perception.hands.arms import SeenArm
+from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M, HandGrip, depth_by_width, take_grip
+from egophys_core.perception.hands.hand_points import at_depth
+from egophys_core.perception.observation import HandSight
+from egophys_core.perception.stages import View
+from egophys_core.perception.surface.surface_render import project
+
+MOVED_M = 0.0015
+"""Metres from rest from which on a vertex that is seen counts as moved."""
+
+FEWEST_MOVED = 5
+LEAST_MOVED_SHARE = 0.25
+"""Vertices near a hand that must have moved, and share of those seen there, before it is said to have contact."""
+
+CONTACT_VIEWS = 3
+"""Views in a row in which they have."""
+
+TOUCHING_M = 0.04
+"""Metres from the object, as seen from the camera, beyond which a hand does not touch it."""
+
+NEAR_HAND_M = 0.12
+"""Metres from where a hand holds or pushes: vertices that move there are moved by it."""
+
+
+LET_GO_M = 0.04
+"""Metres by which what a hand holds stays behind once it is let go."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldVertices:
+    """Vertices of the object that go along with hands."""
+
+    vertices: np.ndarray
+    """[H] int."""
+    places: np.ndarray
+    """[H, 3] metres, frame world: where the hands have them."""
+
+
+NOTHING_HELD = HeldVertices(vertices=np.zeros(0, int), places=np.zeros((0, 3)))
+
+
+class HandContacts:
+    """The hands' grips from view to view; a grip once taken is kept."""
+
+    def __init__(self, rest: np.ndarray) -> None:
+        """No hand has contact.
+
+        Args:
+            rest: [V, 3] metres, frame world: the object's vertices at rest.
+        """
+        self._rest = rest
+        self._grips: dict[int, HandGrip] = {}
+        self._nearly: dict[int, list[HandGrip]] = {}
+
+    def next(
+        self,
+        view: View,
+        arms: Mapping[int, SeenArm],
+        positions: np.ndarray,
+        seen: np.ndarray,
+        silhouette: Callable[[], np.ndarray],
+    ) -> dict[int, HandSight]:
+        """The hands in the next view, by number; without those whose size is told by something else than before.
+
+        Args:
+            view: its pose is known.
+            arms: of the hands that are seen.
+            positions: [V, 3] metres, frame world: the object's vertices.
+            seen: [V] bool: vertices of which something is seen in this view.
+            silhouette: gives [S, S] bool, where the object is in this view, also behind hands.
+        """
+        places = project(positions, view.camera_matrix, view.world_from_camera)
+        moved = np.linalg.norm(positions - self._rest, axis=1) > MOVED_M
+        self._let_go(view, arms, positions)
+        for number in arms.keys() - self._grips.keys():
+            if _is_touched(arms[number], places, seen, moved, view):
+                nearly = self._nearly.setdefault(number, [])
+                nearly.append(take_grip(arms[number], silhouette(), positions, places, view))
+                if len(nearly) == CONTACT_VIEWS:
+                    # The earliest: there the object is nearest to where it lay.
+                    self._grips[number] = nearly[0]
+            else:
+                self._nearly.pop(number, None)
+        return {
+            number: self._sight(arm, self._grips.get(number), view)
+            for number, arm in arms.items()
+            if number not in self._grips or self._grips[number].cue == arm.cue
+        }
+
+    def held(self, view: View, arms: Mapping[int, SeenArm]) -> HeldVertices:
+        """Where in the next view the vertices are that hands hold, by what is seen of the hands."""
+        grips = [(self._grips[number], arm) for number, arm in arms.items() if number in self._grips]
+        places = [
+            self._place(grip, arm, view) + grip.beside for grip, arm in grips if grip.holds and grip.cue == arm.cue
+        ]
+        vertices = [grip.vertices for grip, arm in grips if grip.holds and grip.cue == arm.cue]
+        return HeldVertices(
+            vertices=np.concatenate([np.zeros(0, int), *vertices]), places=np.vstack([np.zeros((0, 3)), *places])
+        )
+
+    def _place(self, grip: HandGrip, arm: SeenArm, view: View) -> np.ndarray:
+        """[3] metres, frame world: where a hand holds or pushes."""
+        depth = depth_by_width(grip.half_width, arm, view)
+        return np.asarray(at_depth(arm.centre[None], depth, view)[0] + grip.offset)
+
+    def _let_go(self, view: View, arms: Mapping[int, SeenArm], positions: np.ndarray) -> None:
+        """What stays behind is held no more."""
+        for number, arm in arms.items():
+            grip = self._grips.get(number)
+            if grip is None or not grip.holds or grip.cue != arm.cue:
+                continue
+            behind = positions[grip.vertices] - self._place(grip, arm, view) - grip.beside
+            if np.median(np.linalg.norm(behind, axis=1)) > LET_GO_M:
+                self._grips[number] = replace(grip, holds=False)
+
+    def _sight(self, arm: SeenArm, grip: HandGrip | None, view: View) -> HandSight:
+        depth = depth_by_width(USUAL_HALF_WIDTH_M if grip is None else grip.half_width, arm, view)
+        place = np.full(3, np.nan) if grip is None else self._place(grip, arm, view)
+        return HandSight(
+            pixel=arm.centre, radius=arm.radius, depth=depth, grip=place, holds=grip is not None and grip.holds
+        )
+
+
+def _is_touched(arm: SeenArm, places: np.ndarray, seen: np.ndarray, moved: np.ndarray, view: View) -> bool:
+    away = np.linalg.norm(places[:, :2] - arm.grip, axis=1) * places[:, 2] / view.camera_matrix[0, 0]
+    near = seen & (away < NEAR_HAND_M)
+    count = np.count_nonzero(near & moved)
+    return bool(
+        away.min() <= TOUCHING_M and count >= FEWEST_MOVED and count >= LEAST_MOVED_SHARE * np.count_nonzero(near)
+    )

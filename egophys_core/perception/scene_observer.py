@@ -146,7 +146,9 @@ class _Follower:
         self._options = options
         self._corners = rest.model.mesh.triangles[rest.feature_triangles]
         self._surface = SurfaceTracker(rest, reference.view)
-        self._contacts = HandContacts(rest.model.rest[: len(rest.model.mesh.pixels)])
+        self._contacts = HandContacts(
+            rest.model.rest[: len(rest.model.mesh.pixels)], can_hold=rest.kind == ObjectKind.SHEET
+        )
         self._confidence = PointConfidence(self._points(rest.model.rest))
         self._hidden = _hidden(rest, options)
         self._is_solid = rest.kind == ObjectKind.SOLID
@@ -172,9 +174,7 @@ class _Follower:
         state = self._surface.next(view, seen.masks, self._contacts.held(view, seen.arms))
         visible = np.zeros(len(self._rest.model.mesh.pixels), bool)
         visible[self._corners[state.seen]] = True
-        hands = self._contacts.next(
-            view, seen.arms, state.positions[: len(visible)], visible, lambda: self._surface.silhouette(view)
-        )
+        hands = self._contacts.next(view, seen.arms, state.positions, visible, lambda: self._surface.silhouette(view))
         return self._observation(seen, state, hands)
 
     def _points(self, positions: np.ndarray) -> np.ndarray:

@@ -7,9 +7,10 @@ the hand tells how deep in the view its middle is, and the place where it acts s
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from egophys_core.perception.hands.arms import SeenArm, SizeCue
-from egophys_core.perception.hands.hand_points import at_depth
+from egophys_core.perception.hands.hand_points import RADIUS_M, at_depth
 from egophys_core.perception.stages import View
 
 FEWEST_COVERED = 300
@@ -27,13 +28,19 @@ FEWEST_HELD = 3
 USUAL_HALF_WIDTH_M = 0.042
 """Metres: of a closed hand."""
 
-COVERED_RADIUS_M, PUSHED_RADIUS_M = 0.025, 0.05
-"""Metres around the place where a hand holds or pushes: what it may touch."""
+COVERED_RADIUS_M = 0.025
+"""Metres around the place where a hand holds: what it may touch."""
 
-HELD_SIGMA_M, PUSHED_SIGMA_M = 0.01, 0.04
-"""Metres: by which what a hand covers, or is seen beside, is nearer or farther than where it acts."""
+COVERED_SIGMA_M = 0.01
+"""Metres: by which what a hand covers is nearer or farther than where it holds."""
 
-WIDTH_SHARE = 0.08
+TOUCH_M, TOUCH_SIGMA_M = RADIUS_M, 0.015
+"""Metres from the surface to where a hand pushes, and their standard deviation."""
+
+DEPTHS_M = np.arange(-0.2, 0.2, 0.004)
+"""Metres beside the depth by the width: where a hand may touch what it pushes."""
+
+WIDTH_SHARE = 0.07
 """Standard deviation of the width of hands; error of a depth by it."""
 
 PALM_BEFORE_M = 0.06
@@ -69,8 +76,8 @@ def take_grip(arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, place
     Args:
         arm: of the hand.
         silhouette: [S, S] bool: where the object is, seen or hidden.
-        positions: [V, 3] metres, frame world: the object's vertices.
-        places: [V, 3] pixels and depth in metres, of these.
+        positions: [W, 3] metres, frame world: the object's vertices, then points of its hidden side.
+        places: [V, 3] pixels and depth in metres, of the vertices.
         view: its pose is known.
     """
     rows, columns = np.nonzero(arm.mask & silhouette)
@@ -79,14 +86,18 @@ def take_grip(arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, place
     focal = view.camera_matrix[0, 0]
     away = np.linalg.norm(places[:, :2] - pixel, axis=1) * places[:, 2] / focal
     is_held = bool(len(rows) >= HELD_SHARE * np.pi * arm.radius**2)
-    touched = places[away <= max(COVERED_RADIUS_M if is_held else PUSHED_RADIUS_M, float(away.min())), 2]
-    by_width = depth_by_width(USUAL_HALF_WIDTH_M, arm, view) + PALM_BEFORE_M
-    depth = _fused_depth(touched, HELD_SIGMA_M if is_held else PUSHED_SIGMA_M, by_width)
+    # Landmarks tell the depth of the fingers themselves.
+    before = 0.0 if arm.landmarks else PALM_BEFORE_M
+    by_width = depth_by_width(USUAL_HALF_WIDTH_M, arm, view) + before
+    if is_held:
+        depth = _fused_depth(places[away <= max(COVERED_RADIUS_M, float(away.min())), 2], by_width)
+    else:
+        depth = _touching_depth(pixel, positions, by_width, view)
     if_as_deep = arm.radius * depth / focal
     half_width = float(np.clip(USUAL_HALF_WIDTH_M, if_as_deep * (1 - NEARER_M / depth), if_as_deep))
     middle = at_depth(arm.centre[None], depth_by_width(half_width, arm, view), view)[0]
     place = at_depth(pixel[None], depth, view)[0]
-    apart = np.linalg.norm(positions - place, axis=1)
+    apart = np.linalg.norm(positions[: len(places)] - place, axis=1)
     nearest = np.argsort(apart, kind="stable")[: FEWEST_HELD if is_held else 0]
     held = np.union1d(nearest, np.flatnonzero((apart <= HELD_RADIUS_M) & is_held)).astype(int)
     return HandGrip(
@@ -99,11 +110,24 @@ def take_grip(arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, place
     )
 
 
-def _fused_depth(touched: np.ndarray, sigma: float, by_width: float) -> float:
-    """Metres: by the width, and by depths of what may be touched, which differ where a hidden side is pushed."""
-    of_touched = 1 / (sigma**2 + float(touched.var()))
+def _fused_depth(covered: np.ndarray, by_width: float) -> float:
+    """Metres: by depths of what is covered, and by the width."""
+    of_covered = 1 / (COVERED_SIGMA_M**2 + float(covered.var()))
     of_width = 1 / (WIDTH_SHARE * by_width) ** 2
-    return float((of_touched * np.median(touched) + of_width * by_width) / (of_touched + of_width))
+    return float((of_covered * np.median(covered) + of_width * by_width) / (of_covered + of_width))
+
+
+def _touching_depth(pixel: np.ndarray, positions: np.ndarray, by_width: float, view: View) -> float:
+    """Metres: where a hand seen at a pixel is as near to the object as one that pushes, about as deep as by its width.
+
+    A side that is pushed may be hidden, and as long in depth as the object is: there the width tells.
+    """
+    depths = by_width + DEPTHS_M
+    depths = depths[depths > 0]
+    along = np.vstack([at_depth(pixel[None], depth, view) for depth in depths])
+    apart = cKDTree(positions).query(along)[0]
+    misses = ((apart - TOUCH_M) / TOUCH_SIGMA_M) ** 2 + ((depths - by_width) / (WIDTH_SHARE * by_width)) ** 2
+    return float(depths[misses.argmin()])
 
 
 def depth_by_width(half_width: float, arm: SeenArm, view: View) -> float:

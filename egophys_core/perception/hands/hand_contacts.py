@@ -12,7 +12,7 @@ from egophys_core.perception.observation import HandSight
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.surface_render import project
 
-MOVED_M = 0.0015
+MOVED_M = 0.003
 """Metres from rest from which on a vertex that is seen counts as moved."""
 
 FEWEST_MOVED = 5
@@ -49,13 +49,15 @@ NOTHING_HELD = HeldVertices(vertices=np.zeros(0, int), places=np.zeros((0, 3)))
 class HandContacts:
     """The hands' grips from view to view; a grip once taken is kept."""
 
-    def __init__(self, rest: np.ndarray) -> None:
+    def __init__(self, rest: np.ndarray, *, can_hold: bool = True) -> None:
         """No hand has contact.
 
         Args:
             rest: [V, 3] metres, frame world: the object's vertices at rest.
+            can_hold: whether what a hand covers is taken for held. A solid is known as a whole, also where a hand hides
+                it, and one that only pushes covers it, too.
         """
-        self._rest = rest
+        self._rest, self._can_hold = rest, can_hold
         self._grips: dict[int, HandGrip] = {}
         self._nearly: dict[int, list[HandGrip]] = {}
 
@@ -72,17 +74,18 @@ class HandContacts:
         Args:
             view: its pose is known.
             arms: of the hands that are seen.
-            positions: [V, 3] metres, frame world: the object's vertices.
+            positions: [W, 3] metres, frame world: the object's vertices, then points of its hidden side.
             seen: [V] bool: vertices of which something is seen in this view.
             silhouette: gives [S, S] bool, where the object is in this view, also behind hands.
         """
-        places = project(positions, view.camera_matrix, view.world_from_camera)
-        moved = np.linalg.norm(positions - self._rest, axis=1) > MOVED_M
+        places = project(positions[: len(self._rest)], view.camera_matrix, view.world_from_camera)
+        moved = np.linalg.norm(positions[: len(self._rest)] - self._rest, axis=1) > MOVED_M
         self._let_go(view, arms, positions)
         for number in arms.keys() - self._grips.keys():
             if _is_touched(arms[number], places, seen, moved, view):
                 nearly = self._nearly.setdefault(number, [])
-                nearly.append(take_grip(arms[number], silhouette(), positions, places, view))
+                grip = take_grip(arms[number], silhouette(), positions, places, view)
+                nearly.append(replace(grip, holds=grip.holds and self._can_hold))
                 if len(nearly) == CONTACT_VIEWS:
                     # The earliest: there the object is nearest to where it lay.
                     self._grips[number] = nearly[0]

@@ -38,9 +38,6 @@ ROUNDNESS, LIKENESS = 0.02, 0.2
 """Weight, per edge, of the wish to be a circle, or to keep the form of the view before: it decides where half of the
 outline is hidden."""
 
-STEADY_EDGES = 4.0
-"""Edges that weigh as much as the wish to stay as large as in the view before."""
-
 BESIDE_PX = 2.5
 """Pixels: so far to either side of an edge it is asked whether a hand is there."""
 
@@ -67,20 +64,6 @@ GROWTH_WEIGHT = 0.1
 
 STARTS = [(size, dx, dy) for size in (1.0, 1.2, 1.4) for dx in (-0.5, 0.0, 0.5) for dy in (-0.5, 0.0, 0.5)]
 """First guesses: times the half width of the arm's end; and beside its middle, in half widths."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Wishes:
-    """What an ellipse should be where its edges leave it open: a circle of radius 1 in the coordinates of the fit."""
-
-    form: float
-    """Weight of being a circle, per edge."""
-    size: float
-    """Weight of the radius, in edges."""
-
-
-_FREELY = _Wishes(form=ROUNDNESS, size=0.0)
-_AS_BEFORE = _Wishes(form=LIKENESS, size=STEADY_EDGES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,7 +111,7 @@ def find_outline(
     best, highest = None, -np.inf
     for size, dx, dy in STARTS:
         place, form = centre + half_width * np.array([dx, dy]), np.eye(2) / (size * half_width) ** 2
-        found = _fit(image, looks_like_hand, HandOutline(centre=place, form=form, support=0.0), _FREELY)
+        found = _fit(image, looks_like_hand, HandOutline(centre=place, form=form, support=0.0), ROUNDNESS)
         if found is None or found.filled < FOUND_FILLED:
             continue
         larger = min(found.size / half_width, max(size for size, _, _ in STARTS))
@@ -151,7 +134,7 @@ def follow_outline(
     """
     best, highest = None, -np.inf
     for move in moves:
-        found = _fit(image, looks_like_hand, replace(before, centre=before.centre + move), _AS_BEFORE)
+        found = _fit(image, looks_like_hand, replace(before, centre=before.centre + move), LIKENESS)
         if found is None or found.filled < FOLLOWED_FILLED:
             continue
         value = likelihood(found, before)
@@ -165,7 +148,7 @@ def likelihood(outline: HandOutline, before: HandOutline) -> float:
     return outline.support + outline.filled - GROWTH_WEIGHT * (np.log(outline.size / before.size) / GROWTH) ** 2
 
 
-def _fit(image: np.ndarray, hand: np.ndarray, start: HandOutline, wishes: "_Wishes") -> HandOutline | None:
+def _fit(image: np.ndarray, hand: np.ndarray, start: HandOutline, likeness: float) -> HandOutline | None:
     """Edges along rays from the middle, then an ellipse through them, again and again."""
     angle = 2 * np.pi * np.arange(RAYS) / RAYS
     rays = np.column_stack([np.cos(angle), np.sin(angle)])
@@ -178,7 +161,7 @@ def _fit(image: np.ndarray, hand: np.ndarray, start: HandOutline, wishes: "_Wish
         known = strength > FEWEST_GREYS
         if known.sum() < FEWEST_EDGES:
             return None
-        fitted = _robust_ellipse(edges[known], centre, whitening, wishes)
+        fitted = _robust_ellipse(edges[known], centre, whitening, likeness)
         if fitted is None or np.linalg.norm(fitted[0] - centre) > 0.3 * radii.mean():
             return None
         centre, form, missed = fitted
@@ -220,12 +203,12 @@ def _along(image: np.ndarray, centre: np.ndarray, rays: np.ndarray, lengths: np.
 
 
 def _robust_ellipse(
-    edges: np.ndarray, near: np.ndarray, whitening: np.ndarray, wishes: "_Wishes"
+    edges: np.ndarray, near: np.ndarray, whitening: np.ndarray, likeness: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Centre [2], form [2, 2] and distances [E] of edges [E, 2] from it, pixels; None if no ellipse fits."""
     weights, centre = np.ones(len(edges)), near
     for _ in range(10):
-        solved = _ellipse((edges - centre) @ whitening.T, weights, wishes)
+        solved = _ellipse((edges - centre) @ whitening.T, weights, likeness)
         if solved is None:
             return None
         centre = centre + np.linalg.solve(whitening, solved[0])
@@ -240,14 +223,13 @@ def _robust_ellipse(
     return centre, form, missed
 
 
-def _ellipse(places: np.ndarray, weights: np.ndarray, wishes: "_Wishes") -> tuple[np.ndarray, np.ndarray] | None:
+def _ellipse(places: np.ndarray, weights: np.ndarray, likeness: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Centre [2] and form [2, 2] by weighted least squares of a x^2 + b x y + c y^2 + d x + e y = 1, [E, 2] places."""
     x, y = places.T
     root = np.sqrt(weights)
     rows = np.column_stack([x * x, x * y, y * y, x, y]) * root[:, None]
-    form, size = np.sqrt(wishes.form * weights.sum()), np.sqrt(wishes.size)
-    wished = [[form, 0, -form, 0, 0], [0, form, 0, 0, 0], [0.5 * size, 0, 0.5 * size, 0, 0]]
-    a, b, c, d, e = np.linalg.lstsq(np.vstack([rows, wished]), np.append(root, [0.0, 0.0, size]), rcond=None)[0]
+    round_ = np.sqrt(likeness * weights.sum()) * np.array([[1.0, 0, -1, 0, 0], [0, 1, 0, 0, 0]])
+    a, b, c, d, e = np.linalg.lstsq(np.vstack([rows, round_]), np.append(root, [0.0, 0.0]), rcond=None)[0]
     quadratic = np.array([[a, b / 2], [b / 2, c]])
     if np.linalg.eigvalsh(quadratic)[0] <= 0:
         return None

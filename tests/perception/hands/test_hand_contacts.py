@@ -40,6 +40,17 @@ def test_a_hand_has_contact_once_what_is_near_it_has_moved_for_some_views() -> N
     assert sights[-1].grip[2] == pytest.approx(0.5, abs=0.01)
 
 
+def test_what_is_covered_of_a_solid_is_not_taken_for_held() -> None:
+    for can_hold in (True, False):
+        contacts = HandContacts(REST, can_hold=can_hold)
+        for _ in range(3):
+            sight = step(contacts, arm_at(160), NEAR)
+        assert sight is not None
+        assert sight.holds == can_hold
+        held = contacts.held(VIEW, {0: arm_at(160)})
+        assert (len(held.vertices) > 0) == can_hold
+
+
 def test_a_hand_beside_what_moves_has_none() -> None:
     contacts = HandContacts(REST)
     far = np.linalg.norm(REST - [-0.2, 0, 0.5], axis=1) < 0.05

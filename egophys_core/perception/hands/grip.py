@@ -16,9 +16,6 @@ from egophys_core.perception.stages import View
 FEWEST_COVERED = 300
 """Pixels of the object that a hand covers, from which on their middle tells where it holds."""
 
-HELD_SHARE = 0.15
-"""Share of the hand's disc that covers the object where it holds it: 0.3 to 0.6 in holds, 0.05 in a push."""
-
 HELD_RADIUS_M = 0.015
 """Metres around the grip: what is held, wherever the hand turns; about a fingertip."""
 
@@ -68,7 +65,14 @@ class HandGrip:
     """What its width and its middle are from."""
 
 
-def take_grip(arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, places: np.ndarray, view: View) -> HandGrip:
+def covered_share(arm: SeenArm, silhouette: np.ndarray) -> float:
+    """How much of a hand lies over the object, whose silhouette is [S, S] bool: its pixels over those of a disc."""
+    return float(np.count_nonzero(arm.mask & silhouette) / (np.pi * arm.radius**2))
+
+
+def take_grip(
+    arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, places: np.ndarray, view: View, *, holds: bool
+) -> HandGrip:
     """Where a hand acts when the object begins to move.
 
     That is by its landmarks, else in the middle of what it covers, else ahead of its middle.
@@ -79,17 +83,17 @@ def take_grip(arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, place
         positions: [W, 3] metres, frame world: the object's vertices, then points of its hidden side.
         places: [V, 3] pixels and depth in metres, of the vertices.
         view: its pose is known.
+        holds: whether it holds; it pushes otherwise.
     """
     rows, columns = np.nonzero(arm.mask & silhouette)
-    by_cover = arm.landmarks is None and len(rows) >= FEWEST_COVERED
+    by_cover = holds and arm.landmarks is None and len(rows) >= FEWEST_COVERED
     pixel = np.array([columns.mean(), rows.mean()]) if by_cover else arm.grip
     focal = view.camera_matrix[0, 0]
     away = np.linalg.norm(places[:, :2] - pixel, axis=1) * places[:, 2] / focal
-    is_held = bool(len(rows) >= HELD_SHARE * np.pi * arm.radius**2)
     # Landmarks tell the depth of the fingers themselves.
     before = 0.0 if arm.landmarks else PALM_BEFORE_M
     by_width = depth_by_width(USUAL_HALF_WIDTH_M, arm, view) + before
-    if is_held:
+    if holds:
         depth = _fused_depth(places[away <= max(COVERED_RADIUS_M, float(away.min())), 2], by_width)
     else:
         depth = _touching_depth(pixel, positions, by_width, view)
@@ -98,14 +102,14 @@ def take_grip(arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, place
     middle = at_depth(arm.centre[None], depth_by_width(half_width, arm, view), view)[0]
     place = at_depth(pixel[None], depth, view)[0]
     apart = np.linalg.norm(positions[: len(places)] - place, axis=1)
-    nearest = np.argsort(apart, kind="stable")[: FEWEST_HELD if is_held else 0]
-    held = np.union1d(nearest, np.flatnonzero((apart <= HELD_RADIUS_M) & is_held)).astype(int)
+    nearest = np.argsort(apart, kind="stable")[: FEWEST_HELD if holds else 0]
+    held = np.union1d(nearest, np.flatnonzero((apart <= HELD_RADIUS_M) & holds)).astype(int)
     return HandGrip(
         half_width=half_width,
         offset=place - middle,
         vertices=held,
         beside=positions[held] - place,
-        holds=is_held,
+        holds=holds,
         cue=arm.cue,
     )
 

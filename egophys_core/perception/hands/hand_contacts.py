@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.perception.hands.arms import SeenArm
-from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M, HandGrip, depth_by_width, take_grip
+from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M, HandGrip, covered_share, depth_by_width, take_grip
 from egophys_core.perception.hands.hand_points import at_depth
 from egophys_core.perception.observation import HandSight
 from egophys_core.perception.stages import View
@@ -21,6 +21,13 @@ LEAST_MOVED_SHARE = 0.25
 
 CONTACT_VIEWS = 3
 """Views in a row in which they have."""
+
+HELD_SHARE = 0.12
+"""Share of a hand that covers the object before that moves, where it holds it: 0.2 to 0.7; 0.01 where it pushes."""
+
+COVERING_VIEWS = 7
+"""Views in a row in which it does, up to the one in which the object moves: a hand takes hold and then moves, one that
+pushes comes over the object as that moves."""
 
 TOUCHING_M = 0.04
 """Metres from the object, as seen from the camera, beyond which a hand does not touch it."""
@@ -60,6 +67,7 @@ class HandContacts:
         self._rest, self._can_hold = rest, can_hold
         self._grips: dict[int, HandGrip] = {}
         self._nearly: dict[int, list[HandGrip]] = {}
+        self._covered: dict[int, list[float]] = {}
 
     def next(
         self,
@@ -82,9 +90,13 @@ class HandContacts:
         moved = np.linalg.norm(positions[: len(self._rest)] - self._rest, axis=1) > MOVED_M
         self._let_go(view, arms, positions)
         for number in arms.keys() - self._grips.keys():
-            if _is_touched(arms[number], places, seen, moved, view):
+            arm, shown = arms[number], silhouette()
+            covered = self._covered[number] = [*self._covered.get(number, []), covered_share(arm, shown)][
+                -COVERING_VIEWS:
+            ]
+            if _is_touched(arm, places, seen, moved, view):
                 nearly = self._nearly.setdefault(number, [])
-                grip = take_grip(arms[number], silhouette(), positions, places, view)
+                grip = take_grip(arm, shown, positions, places, view, holds=min(covered) >= HELD_SHARE)
                 nearly.append(replace(grip, holds=grip.holds and self._can_hold))
                 if len(nearly) == CONTACT_VIEWS:
                     # The earliest: there the object is nearest to where it lay.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from egophys_core.perception.hands.arms import SeenArm, SizeCue, find_arms
-from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M, HandGrip, depth_by_width, take_grip
+from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M, HandGrip, covered_share, depth_by_width, take_grip
 from egophys_core.perception.hands.hand_points import at_depth
 from egophys_core.perception.hands.landmark_depth import LandmarkGrip
 from egophys_core.perception.stages import View
@@ -36,7 +36,7 @@ def grip_of(arm: SeenArm, places: np.ndarray | None = None) -> HandGrip:
     """Of a hand at the object, whose vertices are at some pixels and depths."""
     places = vertices() if places is None else places
     positions = np.vstack([at_depth(place[None, :2], place[2], VIEW) for place in places])
-    return take_grip(arm, OBJECT, positions, places, VIEW)
+    return take_grip(arm, OBJECT, positions, places, VIEW, holds=covered_share(arm, OBJECT) > 0.12)
 
 
 def held_at(grip: HandGrip, arm: SeenArm) -> np.ndarray:
@@ -50,6 +50,13 @@ def test_a_hand_holds_the_middle_of_what_it_covers_as_deep_as_that_is() -> None:
     # The object ends at x = 180; the hand's disc of 26 pixels begins at 134.
     assert held_at(grip_of(arm), arm) == pytest.approx([(134 + 180) / 2, 160, DEPTH], abs=2)
     assert held_at(grip_of(arm), arm)[2] == pytest.approx(DEPTH, abs=0.01)
+
+
+def test_a_hand_over_the_object_covers_it_and_one_beside_it_does_not() -> None:
+    # Of the disc of the hand, 26 pixels of radius, and of its arm.
+    assert covered_share(arm_at(100), OBJECT) > 1.0
+    assert 0.2 < covered_share(arm_at(180), OBJECT) < 0.8
+    assert covered_share(arm_at(230), OBJECT) == 0.0
 
 
 def test_what_is_held_is_near_the_grip() -> None:

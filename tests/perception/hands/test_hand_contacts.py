@@ -51,6 +51,19 @@ def test_what_is_covered_of_a_solid_is_not_taken_for_held() -> None:
         assert (len(held.vertices) > 0) == can_hold
 
 
+def test_a_hand_that_comes_over_the_object_as_that_moves_pushes() -> None:
+    still = np.zeros(len(REST), bool)
+    pushed, held = HandContacts(REST), HandContacts(REST)
+    for x, moved in ((240, still), (225, still), (200, NEAR), (185, NEAR), (170, NEAR)):
+        push = step(pushed, arm_at(x), moved)
+        hold = step(held, arm_at(170), moved)
+    assert push is not None
+    assert hold is not None
+    assert push.has_contact
+    assert not push.holds
+    assert hold.holds
+
+
 def test_a_hand_beside_what_moves_has_none() -> None:
     contacts = HandContacts(REST)
     far = np.linalg.norm(REST - [-0.2, 0, 0.5], axis=1) < 0.05

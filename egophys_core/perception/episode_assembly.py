@@ -8,6 +8,7 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
+from egophys_core.perception.hands.carried_paths import carried_path, unturned
 from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.hands.held_points import held_points
@@ -77,15 +78,26 @@ class EpisodeAssembly:
         points[~consistent_motion(points)] = np.nan
         paths, contacts = hand_paths(self._hands, self._cameras), contact_views(self._hands)
         holds = {number: view for number, view in contacts.items() if self._hands[view][number].holds}
-        held = held_points(np.array(self._points), np.isfinite(points).all(axis=2), paths, holds)
+        seen, times = np.isfinite(points).all(axis=2), 1e-9 * (np.array(self._stamps_ns) - self._stamps_ns[0])
+        hands = {
+            number: carried_path(path, contacts[number], points, seen, times)
+            if self._hands[contacts[number]][number].is_led
+            else unturned(path)
+            for number, path in paths.items()
+        }
+        held = held_points(np.array(self._points), seen, {number: hand.places for number, hand in hands.items()}, holds)
         is_held = np.isfinite(held).all(axis=2)
         points[is_held], confidence[is_held] = held[is_held], HELD_CONFIDENCE
         kept = np.isfinite(points).any(axis=(0, 2))
         points, confidence = points[:, kept], confidence[:, kept]
         confidence[~np.isfinite(points).all(axis=2)] = 0.0
-        around = ball(max(self.options.controllers // max(len(paths), 1), 1))
-        hands = np.concatenate(
-            [np.zeros((len(points), 0, 3)), *(path[:, None] + around for path in paths.values())], axis=1
+        around = ball(max(self.options.controllers // max(len(hands), 1), 1))
+        controllers = np.concatenate(
+            [
+                np.zeros((len(points), 0, 3)),
+                *(hand.places[:, None] + np.einsum("tij,cj->tci", hand.turns, around) for hand in hands.values()),
+            ],
+            axis=1,
         )
         return Episode(
             name=name,
@@ -93,7 +105,7 @@ class EpisodeAssembly:
             points=points,
             confidence=confidence,
             point_ids=np.arange(points.shape[1], dtype=np.uint32),
-            controllers=hands.astype(np.float32),
-            controller_ids=np.arange(hands.shape[1], dtype=np.uint32),
+            controllers=controllers.astype(np.float32),
+            controller_ids=np.arange(controllers.shape[1], dtype=np.uint32),
             ground_height=ground_height,
         )

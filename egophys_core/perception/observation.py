@@ -24,6 +24,9 @@ class HandSight:
     holds: bool
     """Whether it holds, rather than pushes, once it has contact."""
 
+    is_led: bool = False
+    """Whether what it holds tells better where it is than its outline does: a solid is known as a whole."""
+
     @property
     def has_contact(self) -> bool:
         """Whether the object has moved under it by now."""

@@ -56,15 +56,14 @@ NOTHING_HELD = HeldVertices(vertices=np.zeros(0, int), places=np.zeros((0, 3)))
 class HandContacts:
     """The hands' grips from view to view; a grip once taken is kept."""
 
-    def __init__(self, rest: np.ndarray, *, can_hold: bool = True) -> None:
+    def __init__(self, rest: np.ndarray, *, guides: bool = True) -> None:
         """No hand has contact.
 
         Args:
             rest: [V, 3] metres, frame world: the object's vertices at rest.
-            can_hold: whether what a hand covers is taken for held. A solid is known as a whole, also where a hand hides
-                it, and one that only pushes covers it, too.
+            guides: whether what hands hold is where they have it. A solid is known better as a whole.
         """
-        self._rest, self._can_hold = rest, can_hold
+        self._rest, self._guides = rest, guides
         self._grips: dict[int, HandGrip] = {}
         self._nearly: dict[int, list[HandGrip]] = {}
         self._covered: dict[int, list[float]] = {}
@@ -96,8 +95,7 @@ class HandContacts:
             ]
             if _is_touched(arm, places, seen, moved, view):
                 nearly = self._nearly.setdefault(number, [])
-                grip = take_grip(arm, shown, positions, places, view, holds=min(covered) >= HELD_SHARE)
-                nearly.append(replace(grip, holds=grip.holds and self._can_hold))
+                nearly.append(take_grip(arm, shown, positions, places, view, holds=min(covered) >= HELD_SHARE))
                 if len(nearly) == CONTACT_VIEWS:
                     # The earliest: there the object is nearest to where it lay.
                     self._grips[number] = nearly[0]
@@ -111,7 +109,8 @@ class HandContacts:
 
     def held(self, view: View, arms: Mapping[int, SeenArm]) -> HeldVertices:
         """Where in the next view the vertices are that hands hold, by what is seen of the hands."""
-        grips = [(self._grips[number], arm) for number, arm in arms.items() if number in self._grips]
+        known = self._grips if self._guides else {}
+        grips = [(known[number], arm) for number, arm in arms.items() if number in known]
         places = [
             self._place(grip, arm, view) + grip.beside for grip, arm in grips if grip.holds and grip.cue == arm.cue
         ]
@@ -129,7 +128,7 @@ class HandContacts:
         """What stays behind is held no more."""
         for number, arm in arms.items():
             grip = self._grips.get(number)
-            if grip is None or not grip.holds or grip.cue != arm.cue:
+            if grip is None or not self._guides or not grip.holds or grip.cue != arm.cue:
                 continue
             behind = positions[grip.vertices] - self._place(grip, arm, view) - grip.beside
             if np.median(np.linalg.norm(behind, axis=1)) > LET_GO_M:
@@ -138,8 +137,14 @@ class HandContacts:
     def _sight(self, arm: SeenArm, grip: HandGrip | None, view: View) -> HandSight:
         depth = depth_by_width(USUAL_HALF_WIDTH_M if grip is None else grip.half_width, arm, view)
         place = np.full(3, np.nan) if grip is None else self._place(grip, arm, view)
+        holds = grip is not None and grip.holds
         return HandSight(
-            pixel=arm.centre, radius=arm.radius, depth=depth, grip=place, holds=grip is not None and grip.holds
+            pixel=arm.centre,
+            radius=arm.radius,
+            depth=depth,
+            grip=place,
+            holds=holds,
+            is_led=holds and not self._guides,
         )
 
 

@@ -40,15 +40,16 @@ def test_a_hand_has_contact_once_what_is_near_it_has_moved_for_some_views() -> N
     assert sights[-1].grip[2] == pytest.approx(0.5, abs=0.01)
 
 
-def test_what_is_covered_of_a_solid_is_not_taken_for_held() -> None:
-    for can_hold in (True, False):
-        contacts = HandContacts(REST, can_hold=can_hold)
+def test_what_hands_hold_guides_a_sheet_and_no_solid() -> None:
+    for guides in (True, False):
+        contacts = HandContacts(REST, guides=guides)
         for _ in range(3):
             sight = step(contacts, arm_at(160), NEAR)
         assert sight is not None
-        assert sight.holds == can_hold
+        assert sight.holds
+        assert sight.is_led != guides
         held = contacts.held(VIEW, {0: arm_at(160)})
-        assert (len(held.vertices) > 0) == can_hold
+        assert (len(held.vertices) > 0) == guides
 
 
 def test_a_hand_that_comes_over_the_object_as_that_moves_pushes() -> None:

@@ -34,8 +34,8 @@ COVERED_SIGMA_M = 0.01
 TOUCH_M, TOUCH_SIGMA_M = RADIUS_M, 0.015
 """Metres from the surface to where a hand pushes, and their standard deviation."""
 
-DEPTHS_M = np.arange(-0.2, 0.2, 0.004)
-"""Metres beside the depth by the width: where a hand may touch what it pushes."""
+BEYOND_M, DEPTH_STEP_M = 0.1, 0.004
+"""Metres before and behind the object within which a hand pushes it, and between the depths that are tried."""
 
 WIDTH_SHARE = 0.07
 """Standard deviation of the width of hands; error of a depth by it."""
@@ -96,7 +96,7 @@ def take_grip(
     if holds:
         depth = _fused_depth(places[away <= max(COVERED_RADIUS_M, float(away.min())), 2], by_width)
     else:
-        depth = _touching_depth(pixel, positions, by_width, view)
+        depth = _touching_depth(pixel, positions, places[:, 2], by_width, view)
     if_as_deep = arm.radius * depth / focal
     half_width = float(np.clip(USUAL_HALF_WIDTH_M, if_as_deep * (1 - NEARER_M / depth), if_as_deep))
     middle = at_depth(arm.centre[None], depth_by_width(half_width, arm, view), view)[0]
@@ -121,16 +121,18 @@ def _fused_depth(covered: np.ndarray, by_width: float) -> float:
     return float((of_covered * np.median(covered) + of_width * by_width) / (of_covered + of_width))
 
 
-def _touching_depth(pixel: np.ndarray, positions: np.ndarray, by_width: float, view: View) -> float:
+def _touching_depth(
+    pixel: np.ndarray, positions: np.ndarray, of_object: np.ndarray, by_width: float, view: View
+) -> float:
     """Metres: where a hand seen at a pixel is as near to the object as one that pushes, about as deep as by its width.
 
-    A side that is pushed may be hidden, and as long in depth as the object is: there the width tells.
+    A side that is pushed may be hidden, and as long in depth as the object is: there the width tells. What is no hand
+    may have any width, so its doubt grows slowly.
     """
-    depths = by_width + DEPTHS_M
-    depths = depths[depths > 0]
+    depths = np.arange(max(float(of_object.min()) - BEYOND_M, DEPTH_STEP_M), of_object.max() + BEYOND_M, DEPTH_STEP_M)
     along = np.vstack([at_depth(pixel[None], depth, view) for depth in depths])
     apart = cKDTree(positions).query(along)[0]
-    misses = ((apart - TOUCH_M) / TOUCH_SIGMA_M) ** 2 + ((depths - by_width) / (WIDTH_SHARE * by_width)) ** 2
+    misses = ((apart - TOUCH_M) / TOUCH_SIGMA_M) ** 2 + np.log1p(((depths - by_width) / (WIDTH_SHARE * by_width)) ** 2)
     return float(depths[misses.argmin()])
 
 

@@ -103,7 +103,8 @@ def test_a_solid_is_pushed_from_where_it_begins_to_move() -> None:
                 # dome, where it learns its width, a pixel along the image are 15 mm in depth.
                 assert found[2] == pytest.approx(depth, abs=0.070)
                 pushing.append(frame)
-    assert frames.index(pushing[0]) <= 22
+    # Said once three views in a row bear it out.
+    assert frames.index(pushing[0]) <= 26
     assert len(pushing) == len(frames) - frames.index(pushing[0])
 
 

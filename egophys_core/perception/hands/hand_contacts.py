@@ -35,7 +35,6 @@ TOUCHING_M = 0.04
 NEAR_HAND_M = 0.12
 """Metres from where a hand holds or pushes: vertices that move there are moved by it."""
 
-
 LET_GO_M = 0.04
 """Metres by which what a hand holds stays behind once it is let go."""
 
@@ -88,8 +87,10 @@ class HandContacts:
         places = project(positions[: len(self._rest)], view.camera_matrix, view.world_from_camera)
         moved = np.linalg.norm(positions[: len(self._rest)] - self._rest, axis=1) > MOVED_M
         self._let_go(view, arms, positions)
-        for number in arms.keys() - self._grips.keys():
-            arm, shown = arms[number], silhouette()
+        untouched = arms.keys() - self._grips.keys()
+        shown = silhouette() if untouched else np.zeros((0, 0), bool)
+        for number in untouched:
+            arm = arms[number]
             covered = self._covered[number] = [*self._covered.get(number, []), covered_share(arm, shown)][
                 -COVERING_VIEWS:
             ]
@@ -109,15 +110,20 @@ class HandContacts:
 
     def held(self, view: View, arms: Mapping[int, SeenArm]) -> HeldVertices:
         """Where in the next view the vertices are that hands hold, by what is seen of the hands."""
-        known = self._grips if self._guides else {}
-        grips = [(known[number], arm) for number, arm in arms.items() if number in known]
-        places = [
-            self._place(grip, arm, view) + grip.beside for grip, arm in grips if grip.holds and grip.cue == arm.cue
-        ]
-        vertices = [grip.vertices for grip, arm in grips if grip.holds and grip.cue == arm.cue]
+        held = [(grip.vertices, place + grip.beside) for _, grip, place in self._holds(view, arms)]
         return HeldVertices(
-            vertices=np.concatenate([np.zeros(0, int), *vertices]), places=np.vstack([np.zeros((0, 3)), *places])
+            vertices=np.concatenate([NOTHING_HELD.vertices, *(vertices for vertices, _ in held)]),
+            places=np.vstack([NOTHING_HELD.places, *(places for _, places in held)]),
         )
+
+    def _holds(self, view: View, arms: Mapping[int, SeenArm]) -> list[tuple[int, HandGrip, np.ndarray]]:
+        """Number, grip and place [3] of the hands that hold and guide what they hold, as far as they are seen."""
+        known = self._grips if self._guides else {}
+        return [
+            (number, known[number], self._place(known[number], arm, view))
+            for number, arm in arms.items()
+            if number in known and known[number].holds and known[number].cue == arm.cue
+        ]
 
     def _place(self, grip: HandGrip, arm: SeenArm, view: View) -> np.ndarray:
         """[3] metres, frame world: where a hand holds or pushes."""
@@ -126,11 +132,8 @@ class HandContacts:
 
     def _let_go(self, view: View, arms: Mapping[int, SeenArm], positions: np.ndarray) -> None:
         """What stays behind is held no more."""
-        for number, arm in arms.items():
-            grip = self._grips.get(number)
-            if grip is None or not self._guides or not grip.holds or grip.cue != arm.cue:
-                continue
-            behind = positions[grip.vertices] - self._place(grip, arm, view) - grip.beside
+        for number, grip, place in self._holds(view, arms):
+            behind = positions[grip.vertices] - place - grip.beside
             if np.median(np.linalg.norm(behind, axis=1)) > LET_GO_M:
                 self._grips[number] = replace(grip, holds=False)
 

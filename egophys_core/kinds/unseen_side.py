@@ -20,6 +20,13 @@ ALIKE = 2.0
 CENTRES = (0.25, 0.375, 0.5, 0.625, 0.75)
 """Where between the ends of what is seen the search for a centre may begin, along each axis."""
 
+CLOSED, NEAR = 0.96, 1.5
+"""Share of the hull, but for the foot, that lies within so many spacings of a point from which on no side counts as hidden:
+0.82 to 0.92 of what one camera sees of a solid, 0.99 and more of one whose hidden side was inferred already."""
+
+SAMPLES = 2000
+"""Places on the hull that tell it."""
+
 FOOT = 0.3
 """Of the spacing: height above the lowest point up to which an object stands on the table."""
 
@@ -57,6 +64,8 @@ def _hidden(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     what is seen must not lie inside of both.
     """
     seen = ConvexHull(points)
+    if _is_closed(points, seen, spacing):
+        return np.zeros((0, 3))
     hull, hull_points = seen.equations, seen.vertices
     low, high = points.min(axis=0), points.max(axis=0)
 
@@ -96,6 +105,17 @@ def _hidden(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     hidden[:, 2] = np.maximum(hidden[:, 2], ground)
     hidden = hidden[cKDTree(points).query(hidden)[0] > spacing]
     return _thinned(hidden, points, spacing)
+
+
+def _is_closed(points: np.ndarray, hull: ConvexHull, spacing: float) -> bool:
+    """Whether points [P, 3] lie all around an object, but for its foot. Images of what is closed would lie beside it."""
+    corners = points[hull.simplices]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    generator = np.random.default_rng(0)
+    chosen = corners[generator.choice(len(corners), SAMPLES, p=area / area.sum())]
+    places = np.einsum("sk,skd->sd", generator.dirichlet(np.ones(3), SAMPLES), chosen)
+    places = places[places[:, 2] > points[:, 2].min() + FOOT * spacing]
+    return bool((cKDTree(points).query(places)[0] < NEAR * spacing).mean() > CLOSED)
 
 
 def _heights(points: np.ndarray, hull: np.ndarray) -> np.ndarray:

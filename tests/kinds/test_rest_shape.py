@@ -200,6 +200,20 @@ def test_an_object_seen_all_around_gets_no_back():
         assert outside_of(seen, shape.spacing, shape.positions).max() < shape.spacing
 
 
+def test_what_a_video_closed_already_gets_no_second_back():
+    """Front and top of a box, and their image in a point that is not quite its middle: no image of both lies on both."""
+    generator = np.random.default_rng(1)
+    front = generator.uniform([-0.1, -0.072, 0.0], [0.1, -0.072, 0.07], (200, 3))
+    top = generator.uniform([-0.1, -0.072, 0.0], [0.1, 0.1, 0.0], (400, 3))
+    # Its top is vaulted, as what is reconstructed from few views is.
+    top[:, 2] = 0.078 - 1.6 * (top[:, 0] ** 2 + (top[:, 1] - 0.01) ** 2)
+    seen = np.concatenate([front, top])
+    opposite = 2 * np.array([0.003, 0.02, 0.039]) - seen
+    closed = np.concatenate([seen, np.maximum(opposite, [-1, -1, 0])])
+    nodes = shape_of(at_rest(closed)).positions
+    assert np.ptp(nodes, axis=0) == pytest.approx(np.ptp(closed, axis=0), abs=0.005)
+
+
 def test_an_ellipsoid_that_has_both_symmetries_is_closed_below():
     """Seen from above it shows neither its back nor what it stands on; without that it would rock on a rim."""
     seen, centre = seen_of_ellipsoid(LEVEL, seat=0.95, count=400)

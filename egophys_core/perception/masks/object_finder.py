@@ -96,7 +96,8 @@ def find_object(
             "give its place with --object-box X0 Y0 X1 Y1 (pixels of the first view)"
         )
     best, others = candidates[0], tuple(candidates[1:])
-    mask = cut_region(image, best.mask)
+    # Between object and board is table; its edge with the board is the sharper one.
+    mask = cut_region(image, best.mask, background=_board(views[0], board_corners))
     rivals = [one for one in others if one.score > _RIVAL_SHARE * best.score]
     warning = ""
     if rivals:
@@ -116,7 +117,7 @@ def _unlike_table(view: View, table_height: float, board_corners: np.ndarray | N
     contrast = cv2.GaussianBlur(np.abs(contrast - cv2.GaussianBlur(contrast, (0, 0), side / 250)), (0, 0), side / 150)
     features = np.dstack([features, np.log(contrast + 2)])
     table = _table(view, table_height)
-    searched = table if board_corners is None else table & ~_board(view, board_corners)
+    searched = table & ~_board(view, board_corners)
     if np.count_nonzero(searched) < 0.01 * side * side:
         return np.zeros((side, side), bool), table
     off, sigma = _residual(features, searched if has_pose(view) else _border(side))
@@ -152,11 +153,11 @@ def _table(view: View, table_height: float) -> np.ndarray:
     return within_reach & ~(np.isin(labels, at_border) & (black > 0))
 
 
-def _board(view: View, corners: np.ndarray) -> np.ndarray:
-    """[S, S] bool: pixels in the convex hull of world points [N, 3], and a margin."""
+def _board(view: View, corners: np.ndarray | None) -> np.ndarray:
+    """[S, S] bool: pixels in the convex hull of world points [N, 3], and a margin; none without points or a pose."""
     side = view.image.shape[0]
     board = np.zeros((side, side), np.uint8)
-    if has_pose(view):
+    if corners is not None and has_pose(view):
         points = np.column_stack([corners, np.ones(len(corners))]) @ np.linalg.inv(view.world_from_camera).T
         pixels = points[:, :3] @ view.camera_matrix.T
         if (points[:, 2] > 0).all():

@@ -9,7 +9,12 @@ _LARGEST_SIDE = 220
 
 
 def cut_region(
-    image: np.ndarray, region: np.ndarray, *, outside: bool = False, sure: np.ndarray | None = None
+    image: np.ndarray,
+    region: np.ndarray,
+    *,
+    outside: bool = False,
+    sure: np.ndarray | None = None,
+    background: np.ndarray | None = None,
 ) -> np.ndarray:
     """Refine a region by GrabCut; [S, S] bool, the largest part and what is nearly as large.
 
@@ -18,6 +23,7 @@ def cut_region(
         region: [S, S] bool; with `outside` the object is somewhere in it, else it is nearly it.
         outside: whether all that is not in the region is surely no object.
         sure: [S, S] bool, pixels that are surely object.
+        background: [S, S] bool, pixels that are surely none, but for a rim of the region.
     """
     side = image.shape[0]
     x0, y0, x1, y1 = box_of(region)
@@ -39,6 +45,9 @@ def cut_region(
         labels[small > 0] = cv2.GC_PR_FGD
         labels[cv2.erode(small, kernel, iterations=1) > 0] = cv2.GC_FGD
         labels[cv2.dilate(small, kernel, iterations=2) == 0] = cv2.GC_BGD
+    if background is not None:
+        rim = cv2.dilate(small, np.ones((5, 5), np.uint8)) > 0
+        labels[(reduced(background) > 0) & ~rim] = cv2.GC_BGD
     if sure is not None:
         labels[reduced(sure) > 0] = cv2.GC_FGD
     if not ((labels % 2 == 0).any() and (labels % 2 == 1).any()):

@@ -256,7 +256,7 @@ def _object_of(trial: _Trial, count: int, table_height: float, options: Percepti
     else:
         rest = trial.solve_solid(rest, count, table_height)
         skin = rest.positions
-        closed = close_surface(trial.mesh, skin, table_height)
+        closed = close_surface(trial.mesh, skin, table_height, trial.views[0])
         positions, triangles = closed.positions, closed.triangles
     return RestObject(
         reference=trial.first,

@@ -147,7 +147,7 @@ class _Follower:
         self._corners = rest.model.mesh.triangles[rest.feature_triangles]
         self._surface = SurfaceTracker(rest, reference.view)
         self._contacts = HandContacts(
-            rest.model.rest[: len(rest.model.mesh.pixels)], guides=rest.kind == ObjectKind.SHEET
+            rest.model.rest[: len(rest.model.mesh.pixels)], is_solid=rest.kind == ObjectKind.SOLID
         )
         self._confidence = PointConfidence(self._points(rest.model.rest))
         self._hidden = _hidden(rest, options)

@@ -13,9 +13,6 @@ from egophys_core.perception.hands.arms import SeenArm, SizeCue
 from egophys_core.perception.hands.hand_points import RADIUS_M, at_depth
 from egophys_core.perception.stages import View
 
-FEWEST_COVERED = 300
-"""Pixels of the object that a hand covers, from which on their middle tells where it holds."""
-
 HELD_RADIUS_M = 0.015
 """Metres around the grip: what is held, wherever the hand turns; about a fingertip."""
 
@@ -33,6 +30,9 @@ COVERED_SIGMA_M = 0.01
 
 TOUCH_M, TOUCH_SIGMA_M = RADIUS_M, 0.015
 """Metres from the surface to where a hand pushes, and their standard deviation."""
+
+PUSHED_SHARE = 0.25
+"""Of the object's height: how far from half of that hands push it, as a standard deviation."""
 
 BEYOND_M, DEPTH_STEP_M = 0.1, 0.004
 """Metres before and behind the object within which a hand pushes it, and between the depths that are tried."""
@@ -71,11 +71,19 @@ def covered_share(arm: SeenArm, silhouette: np.ndarray) -> float:
 
 
 def take_grip(
-    arm: SeenArm, silhouette: np.ndarray, positions: np.ndarray, places: np.ndarray, view: View, *, holds: bool
+    arm: SeenArm,
+    silhouette: np.ndarray,
+    positions: np.ndarray,
+    places: np.ndarray,
+    view: View,
+    *,
+    holds: bool,
+    is_solid: bool,
 ) -> HandGrip:
     """Where a hand acts when the object begins to move.
 
-    That is by its landmarks, else in the middle of what it covers, else ahead of its middle.
+    That is by its landmarks, else in the middle of what it covers. A hand at the rim of a solid covers only what is
+    inside of where it holds: the less it covers, the more that is ahead of its own middle, as of a hand that pushes.
 
     Args:
         arm: of the hand.
@@ -84,17 +92,16 @@ def take_grip(
         places: [V, 3] pixels and depth in metres, of the vertices.
         view: its pose is known.
         holds: whether it holds; it pushes otherwise.
+        is_solid: whether the object is.
     """
-    rows, columns = np.nonzero(arm.mask & silhouette)
-    by_cover = holds and arm.landmarks is None and len(rows) >= FEWEST_COVERED
-    pixel = np.array([columns.mean(), rows.mean()]) if by_cover else arm.grip
+    pixel = _held_pixel(arm, silhouette, is_solid) if holds and arm.landmarks is None else arm.grip
     focal = view.camera_matrix[0, 0]
     away = np.linalg.norm(places[:, :2] - pixel, axis=1) * places[:, 2] / focal
     # Landmarks tell the depth of the fingers themselves.
     before = 0.0 if arm.landmarks else PALM_BEFORE_M
     by_width = depth_by_width(USUAL_HALF_WIDTH_M, arm, view) + before
     if holds:
-        depth = _fused_depth(places[away <= max(COVERED_RADIUS_M, float(away.min())), 2], by_width)
+        depth = _covered_depth(places[away <= max(COVERED_RADIUS_M, float(away.min())), 2], by_width)
     else:
         depth = _touching_depth(pixel, positions, places[:, 2], by_width, view)
     if_as_deep = arm.radius * depth / focal
@@ -114,26 +121,43 @@ def take_grip(
     )
 
 
-def _fused_depth(covered: np.ndarray, by_width: float) -> float:
+def _held_pixel(arm: SeenArm, silhouette: np.ndarray, is_solid: bool) -> np.ndarray:
+    """[2] pixel x, y: where a hand holds a solid, or a sheet, with a silhouette [S, S] bool."""
+    rows, columns = np.nonzero(arm.mask & silhouette)
+    if not len(rows):
+        return arm.grip
+    share = min(covered_share(arm, silhouette), 1.0) if is_solid else 1.0
+    return np.asarray(share * np.array([columns.mean(), rows.mean()]) + (1 - share) * arm.grip)
+
+
+def _covered_depth(covered: np.ndarray, by_width: float) -> float:
     """Metres: by depths of what is covered, and by the width."""
-    of_covered = 1 / (COVERED_SIGMA_M**2 + float(covered.var()))
-    of_width = 1 / (WIDTH_SHARE * by_width) ** 2
-    return float((of_covered * np.median(covered) + of_width * by_width) / (of_covered + of_width))
+    nearest, farthest = sorted((float(np.median(covered)), by_width))
+    depths = np.arange(nearest, farthest + DEPTH_STEP_M, DEPTH_STEP_M)
+    of_covered = (depths - np.median(covered)) ** 2 / (COVERED_SIGMA_M**2 + float(covered.var()))
+    return float(depths[(of_covered + _misses_of_width(depths, by_width)).argmin()])
+
+
+def _misses_of_width(depths: np.ndarray, by_width: float) -> np.ndarray:
+    """How unlikely depths [D], metres, are by the width; what is no hand may have any, so doubt grows slowly."""
+    return np.log1p(((depths - by_width) / (WIDTH_SHARE * by_width)) ** 2)
 
 
 def _touching_depth(
     pixel: np.ndarray, positions: np.ndarray, of_object: np.ndarray, by_width: float, view: View
 ) -> float:
-    """Metres: where a hand seen at a pixel is as near to the object as one that pushes, about as deep as by its width.
+    """Metres: where a hand seen at a pixel is as near to the object as one that pushes, about half as high as that.
 
-    A side that is pushed may be hidden, and as long in depth as the object is: there the width tells. What is no hand
-    may have any width, so its doubt grows slowly.
+    A side that is pushed may be hidden, and as long in depth as the object is: there its height and the hand's width
+    tell.
     """
     depths = np.arange(max(float(of_object.min()) - BEYOND_M, DEPTH_STEP_M), of_object.max() + BEYOND_M, DEPTH_STEP_M)
     along = np.vstack([at_depth(pixel[None], depth, view) for depth in depths])
     apart = cKDTree(positions).query(along)[0]
-    misses = ((apart - TOUCH_M) / TOUCH_SIGMA_M) ** 2 + np.log1p(((depths - by_width) / (WIDTH_SHARE * by_width)) ** 2)
-    return float(depths[misses.argmin()])
+    of_touch = ((apart - TOUCH_M) / TOUCH_SIGMA_M) ** 2
+    low, high = positions[:, 2].min(), positions[:, 2].max()
+    of_height = ((along[:, 2] - (low + high) / 2) / max(PUSHED_SHARE * (high - low), DEPTH_STEP_M)) ** 2
+    return float(depths[(of_touch + of_height + _misses_of_width(depths, by_width)).argmin()])
 
 
 def depth_by_width(half_width: float, arm: SeenArm, view: View) -> float:

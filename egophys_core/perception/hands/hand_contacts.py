@@ -55,14 +55,14 @@ NOTHING_HELD = HeldVertices(vertices=np.zeros(0, int), places=np.zeros((0, 3)))
 class HandContacts:
     """The hands' grips from view to view; a grip once taken is kept."""
 
-    def __init__(self, rest: np.ndarray, *, guides: bool = True) -> None:
+    def __init__(self, rest: np.ndarray, *, is_solid: bool) -> None:
         """No hand has contact.
 
         Args:
             rest: [V, 3] metres, frame world: the object's vertices at rest.
-            guides: whether what hands hold is where they have it. A solid is known better as a whole.
+            is_solid: whether the object is one. Then it is known better as a whole than by the hands that hold it.
         """
-        self._rest, self._guides = rest, guides
+        self._rest, self._is_solid = rest, is_solid
         self._grips: dict[int, HandGrip] = {}
         self._nearly: dict[int, list[HandGrip]] = {}
         self._covered: dict[int, list[float]] = {}
@@ -96,7 +96,9 @@ class HandContacts:
             ]
             if _is_touched(arm, places, seen, moved, view):
                 nearly = self._nearly.setdefault(number, [])
-                nearly.append(take_grip(arm, shown, positions, places, view, holds=min(covered) >= HELD_SHARE))
+                holds = min(covered) >= HELD_SHARE
+                grip = take_grip(arm, shown, positions, places, view, holds=holds, is_solid=self._is_solid)
+                nearly.append(grip)
                 if len(nearly) == CONTACT_VIEWS:
                     # The earliest: there the object is nearest to where it lay.
                     self._grips[number] = nearly[0]
@@ -117,8 +119,8 @@ class HandContacts:
         )
 
     def _holds(self, view: View, arms: Mapping[int, SeenArm]) -> list[tuple[int, HandGrip, np.ndarray]]:
-        """Number, grip and place [3] of the hands that hold and guide what they hold, as far as they are seen."""
-        known = self._grips if self._guides else {}
+        """Number, grip and place [3] of the hands that hold a sheet, as far as they are seen."""
+        known = {} if self._is_solid else self._grips
         return [
             (number, known[number], self._place(known[number], arm, view))
             for number, arm in arms.items()
@@ -147,7 +149,7 @@ class HandContacts:
             depth=depth,
             grip=place,
             holds=holds,
-            is_led=holds and not self._guides,
+            is_led=holds and self._is_solid,
         )
 
 

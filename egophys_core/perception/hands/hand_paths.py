@@ -6,6 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from egophys_core.perception.hands.hand_points import at_depth
+from egophys_core.perception.hands.pushing_paths import level_path
 from egophys_core.perception.observation import HandSight
 from egophys_core.perception.stages import View
 
@@ -50,4 +51,7 @@ def _path(sights: Sequence[HandSight | None], views: Sequence[View]) -> np.ndarr
     places = offset + np.array(
         [at_depth(known[frame].pixel[None], each, views[frame])[0] for frame, each in zip(seen, depth, strict=True)]
     )
+    if not touched.holds:
+        eyes = np.array([views[frame].world_from_camera[:3, 3] for frame in seen])
+        places = level_path(places, eyes, float(touched.grip[2]))
     return np.column_stack([np.interp(times, times[seen], places[:, axis]) for axis in range(3)])

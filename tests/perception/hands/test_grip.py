@@ -32,11 +32,12 @@ def vertices() -> np.ndarray:
     return np.column_stack([grid, np.full(len(grid), DEPTH)])
 
 
-def grip_of(arm: SeenArm, places: np.ndarray | None = None) -> HandGrip:
+def grip_of(arm: SeenArm, places: np.ndarray | None = None, *, is_solid: bool = False) -> HandGrip:
     """Of a hand at the object, whose vertices are at some pixels and depths."""
     places = vertices() if places is None else places
     positions = np.vstack([at_depth(place[None, :2], place[2], VIEW) for place in places])
-    return take_grip(arm, OBJECT, positions, places, VIEW, holds=covered_share(arm, OBJECT) > 0.12)
+    holds = covered_share(arm, OBJECT) > 0.12
+    return take_grip(arm, OBJECT, positions, places, VIEW, holds=holds, is_solid=is_solid)
 
 
 def held_at(grip: HandGrip, arm: SeenArm) -> np.ndarray:
@@ -50,6 +51,23 @@ def test_a_hand_holds_the_middle_of_what_it_covers_as_deep_as_that_is() -> None:
     # The object ends at x = 180; the hand's disc of 26 pixels begins at 134.
     assert held_at(grip_of(arm), arm) == pytest.approx([(134 + 180) / 2, 160, DEPTH], abs=2)
     assert held_at(grip_of(arm), arm)[2] == pytest.approx(DEPTH, abs=0.01)
+
+
+def test_a_hand_at_the_rim_of_a_solid_holds_it_nearer_to_that() -> None:
+    rim = arm_at(185)
+    covered, tip = held_at(grip_of(rim), rim)[:2], rim.grip
+    held = held_at(grip_of(rim, is_solid=True), rim)[:2]
+    assert covered[0] + 1 < held[0] < tip[0]
+    whole = arm_at(110)
+    np.testing.assert_allclose(
+        held_at(grip_of(whole, is_solid=True), whole)[:2], held_at(grip_of(whole), whole)[:2], atol=1e-6
+    )
+
+
+def test_a_hand_of_another_width_than_usual_is_as_deep_as_what_it_covers() -> None:
+    arm = arm_at(160)
+    small = replace(arm, radius=0.4 * arm.radius)
+    assert held_at(grip_of(small), small)[2] == pytest.approx(DEPTH, abs=0.01)
 
 
 def test_a_hand_over_the_object_covers_it_and_one_beside_it_does_not() -> None:

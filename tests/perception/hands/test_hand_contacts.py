@@ -32,7 +32,7 @@ def step(contacts: HandContacts, arm: SeenArm, moved: np.ndarray, by: float = 0.
 
 
 def test_a_hand_has_contact_once_what_is_near_it_has_moved_for_some_views() -> None:
-    contacts = HandContacts(REST)
+    contacts = HandContacts(REST, is_solid=False)
     still = np.zeros(len(REST), bool)
     sights = [step(contacts, arm_at(160), moved) for moved in (still, NEAR, still, NEAR, NEAR, NEAR, still)]
     assert [sight is not None and sight.has_contact for sight in sights] == [False] * 5 + [True] * 2
@@ -41,20 +41,20 @@ def test_a_hand_has_contact_once_what_is_near_it_has_moved_for_some_views() -> N
 
 
 def test_what_hands_hold_guides_a_sheet_and_no_solid() -> None:
-    for guides in (True, False):
-        contacts = HandContacts(REST, guides=guides)
+    for is_solid in (False, True):
+        contacts = HandContacts(REST, is_solid=is_solid)
         for _ in range(3):
             sight = step(contacts, arm_at(160), NEAR)
         assert sight is not None
         assert sight.holds
-        assert sight.is_led != guides
+        assert sight.is_led == is_solid
         held = contacts.held(VIEW, {0: arm_at(160)})
-        assert (len(held.vertices) > 0) == guides
+        assert (len(held.vertices) > 0) != is_solid
 
 
 def test_a_hand_that_comes_over_the_object_as_that_moves_pushes() -> None:
     still = np.zeros(len(REST), bool)
-    pushed, held = HandContacts(REST), HandContacts(REST)
+    pushed, held = HandContacts(REST, is_solid=False), HandContacts(REST, is_solid=False)
     for x, moved in ((240, still), (225, still), (200, NEAR), (185, NEAR), (170, NEAR)):
         push = step(pushed, arm_at(x), moved)
         hold = step(held, arm_at(170), moved)
@@ -66,20 +66,20 @@ def test_a_hand_that_comes_over_the_object_as_that_moves_pushes() -> None:
 
 
 def test_a_hand_beside_what_moves_has_none() -> None:
-    contacts = HandContacts(REST)
+    contacts = HandContacts(REST, is_solid=False)
     far = np.linalg.norm(REST - [-0.2, 0, 0.5], axis=1) < 0.05
     assert not any(step(contacts, arm_at(160), far).has_contact for _ in range(6))
     assert not any(step(contacts, arm_at(270), NEAR).has_contact for _ in range(6))
 
 
 def test_few_vertices_that_shake_are_no_contact() -> None:
-    contacts = HandContacts(REST)
+    contacts = HandContacts(REST, is_solid=False)
     few = NEAR & (np.cumsum(NEAR) <= 6)
     assert not any(step(contacts, arm_at(160), few).has_contact for _ in range(6))
 
 
 def test_a_width_by_another_cue_tells_nothing() -> None:
-    contacts, arm = HandContacts(REST), arm_at(160)
+    contacts, arm = HandContacts(REST, is_solid=False), arm_at(160)
     outline = HandOutline(centre=arm.centre, form=np.eye(2) / 30.0**2, support=0.8)
     for _ in range(3):
         sight = step(contacts, arm.with_outline(outline), NEAR)
@@ -89,7 +89,7 @@ def test_a_width_by_another_cue_tells_nothing() -> None:
 
 
 def test_the_grip_follows_the_hand_in_space() -> None:
-    contacts, arm = HandContacts(REST), arm_at(160)
+    contacts, arm = HandContacts(REST, is_solid=False), arm_at(160)
     for _ in range(3):
         before = step(contacts, arm, NEAR)
     shifted = replace(arm, centre=arm.centre + [15.0, 0], radius=arm.radius)

@@ -1,0 +1,45 @@
+"""Hands that push go along the table, whatever their width says; those that leave it do."""
+
+import numpy as np
+import pytest
+
+from egophys_core.perception.hands.pushing_paths import level_path
+
+EYE = np.array([0.0, -0.5, 0.5])
+
+
+def pushed(heights: np.ndarray) -> np.ndarray:
+    """[T, 3] metres: a hand that goes 0.2 m to the left."""
+    return np.column_stack([np.linspace(0.1, -0.1, len(heights)), np.full(len(heights), 0.02), heights])
+
+
+def by_width(path: np.ndarray, error: np.ndarray | float) -> np.ndarray:
+    """The same as its width tells it, wrong by a share of its distance."""
+    return EYE + (1 + np.broadcast_to(error, len(path)))[:, None] * (path - EYE)
+
+
+def off(found: np.ndarray, path: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(found - path, axis=1)
+
+
+def test_a_width_that_drifts_is_put_right_by_the_height() -> None:
+    path = pushed(np.full(40, 0.04))
+    wrong = by_width(path, np.linspace(0.0, -0.06, 40))
+    found = level_path(wrong, np.tile(EYE, (40, 1)), 0.04)
+    assert off(wrong, path).max() > 0.035
+    assert off(found, path).max() < 0.012
+
+
+def test_the_place_in_the_view_stays() -> None:
+    wrong = by_width(pushed(np.full(40, 0.04)), -0.05)
+    found = level_path(wrong, np.tile(EYE, (40, 1)), 0.04)
+    before, after = wrong - EYE, found - EYE
+    along = (before * after).sum(axis=1) / np.linalg.norm(before, axis=1) / np.linalg.norm(after, axis=1)
+    assert along == pytest.approx(np.ones(40), abs=1e-9)
+
+
+def test_a_hand_that_is_lifted_leaves_the_table() -> None:
+    path = pushed(np.concatenate([np.full(20, 0.04), np.linspace(0.04, 0.3, 30)]))
+    found = level_path(by_width(path, 0.01), np.tile(EYE, (50, 1)), 0.04)
+    assert off(found, path)[35:].max() < 0.025
+    assert found[-1, 2] > 0.27

@@ -21,8 +21,8 @@ CENTRES = (0.25, 0.375, 0.5, 0.625, 0.75)
 """Where between the ends of what is seen the search for a centre may begin, along each axis."""
 
 CLOSED, NEAR = 0.96, 1.5
-"""Share of the hull, but for the foot, that lies within so many spacings of a point from which on no side counts as hidden:
-0.82 to 0.92 of what one camera sees of a solid, 0.99 and more of one whose hidden side was inferred already."""
+"""Share of the hull, but for the foot, within so many spacings of a point from which on no side counts as hidden: 0.82
+to 0.92 of what one camera sees of a solid, 0.99 and more of one whose hidden side was inferred already."""
 
 SAMPLES = 2000
 """Places on the hull that tell it."""
@@ -108,7 +108,7 @@ def _hidden(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
 
 
 def _is_closed(points: np.ndarray, hull: ConvexHull, spacing: float) -> bool:
-    """Whether points [P, 3] lie all around an object, but for its foot. Images of what is closed would lie beside it."""
+    """Whether points [P, 3] lie all around an object, but for its foot. Images of that would lie beside it."""
     corners = points[hull.simplices]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     generator = np.random.default_rng(0)

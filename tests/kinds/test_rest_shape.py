@@ -201,7 +201,7 @@ def test_an_object_seen_all_around_gets_no_back():
 
 
 def test_what_a_video_closed_already_gets_no_second_back():
-    """Front and top of a box, and their image in a point that is not quite its middle: no image of both lies on both."""
+    """Front and top of a box, and their image in a point that is not its middle: no image of both lies on both."""
     generator = np.random.default_rng(1)
     front = generator.uniform([-0.1, -0.072, 0.0], [0.1, -0.072, 0.07], (200, 3))
     top = generator.uniform([-0.1, -0.072, 0.0], [0.1, 0.1, 0.0], (400, 3))

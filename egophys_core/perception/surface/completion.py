@@ -1,8 +1,8 @@
 """The hidden side of a solid: its visible side turned about the middle.
 
 Ellipsoids, boxes, cylinders and most toys lying on a table are nearly symmetric about a point half way up. The outline
-of the visible side runs around that point, so its mean is the middle; the top and the table give its height. Where that
-would be seen, before the visible side or beside it, it is drawn towards the middle until it is hidden.
+of the visible side runs around that point, so its mean is the middle; the top and the table give its height. What would
+be seen of it, before the visible side or beside it, is drawn towards the middle until it is hidden.
 """
 
 from dataclasses import dataclass

@@ -17,8 +17,8 @@ from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import View
 from egophys_core.perception.surface.track_filter import consistent_motion
 
-HELD_CONFIDENCE = 0.5
-"""Of points that a hand hides and holds: they are where the hand is."""
+HELD_CONFIDENCE = 0.4
+"""Of points that a hand hides and holds: they are where the hand is, to a centimetre as it turns."""
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """Views -> observations, one by one: the part of perception that recorded and live video share."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -175,7 +175,14 @@ class _Follower:
         visible = np.zeros(len(self._rest.model.mesh.pixels), bool)
         visible[self._corners[state.seen]] = True
         hands = self._contacts.next(view, seen.arms, state.positions, visible, lambda: self._surface.silhouette(view))
-        return self._observation(seen, state, hands)
+        return self._observation(seen, self._doubted(state, visible, seen), hands)
+
+    def _doubted(self, state: SurfaceState, visible: np.ndarray, seen: _Seen) -> SurfaceState:
+        """The surface, whose hidden vertices are doubted where hands contradict them."""
+        sigma = state.sigma.copy()
+        doubt = self._contacts.doubt(seen.view, seen.arms, state.positions)
+        sigma[: len(visible)] = np.hypot(sigma[: len(visible)], np.where(visible, 0.0, doubt))
+        return replace(state, sigma=sigma)
 
     def _points(self, positions: np.ndarray) -> np.ndarray:
         return np.einsum("nk,nkd->nd", self._rest.feature_weights, positions[self._corners])

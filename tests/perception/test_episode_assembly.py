@@ -113,7 +113,7 @@ def test_points_that_are_never_sure_have_no_column() -> None:
 
 
 def test_controllers_are_about_where_the_hand_is_seen() -> None:
-    given, assembly = seen(), assembled(seen())
+    given, assembly = seen(holds=True), assembled(seen(holds=True))
     episode = assembly.episode("drawn", 0.0)
     assert assembly.grip_frame == GRIP
     assert episode.controllers.shape == (10, 8, 3)

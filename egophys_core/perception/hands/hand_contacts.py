@@ -4,9 +4,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from egophys_core.perception.hands.arms import SeenArm
-from egophys_core.perception.hands.grip import USUAL_HALF_WIDTH_M, HandGrip, covered_share, depth_by_width, take_grip
+from egophys_core.perception.hands.grip import (
+    FEWEST_HELD,
+    USUAL_HALF_WIDTH_M,
+    HandGrip,
+    covered_share,
+    depth_by_width,
+    take_grip,
+)
 from egophys_core.perception.hands.hand_points import at_depth
 from egophys_core.perception.observation import HandSight
 from egophys_core.perception.stages import View
@@ -34,6 +42,9 @@ TOUCHING_M = 0.04
 
 NEAR_HAND_M = 0.12
 """Metres from where a hand holds or pushes: vertices that move there are moved by it."""
+
+CARRIED_M = 0.06
+"""Metres at rest from what a hand holds: what may move as that does."""
 
 LET_GO_M = 0.04
 """Metres by which what a hand holds stays behind once it is let go."""
@@ -86,7 +97,7 @@ class HandContacts:
         """
         places = project(positions[: len(self._rest)], view.camera_matrix, view.world_from_camera)
         moved = np.linalg.norm(positions[: len(self._rest)] - self._rest, axis=1) > MOVED_M
-        self._let_go(view, arms, positions)
+        self._let_go(view, arms, positions, seen)
         untouched = arms.keys() - self._grips.keys()
         shown = silhouette() if untouched else np.zeros((0, 0), bool)
         for number in untouched:
@@ -132,11 +143,23 @@ class HandContacts:
         depth = depth_by_width(grip.half_width, arm, view)
         return np.asarray(at_depth(arm.centre[None], depth, view)[0] + grip.offset)
 
-    def _let_go(self, view: View, arms: Mapping[int, SeenArm], positions: np.ndarray) -> None:
-        """What stays behind is held no more."""
+    def doubt(self, view: View, arms: Mapping[int, SeenArm], positions: np.ndarray) -> np.ndarray:
+        """[V] metres: how far what hands hold is from where they have it, of vertices near that; 0 elsewhere.
+
+        A sheet that a hand pushes together under itself seems to lie flat, as what is seen of it does.
+        """
+        found = np.zeros(len(self._rest))
+        for _, grip, place in self._holds(view, arms):
+            away = cKDTree(self._rest[grip.vertices]).query(self._rest)[0]
+            behind = float(np.median(_behind(grip, place, positions)))
+            found = np.maximum(found, np.where(away < CARRIED_M, behind, 0.0))
+        return found
+
+    def _let_go(self, view: View, arms: Mapping[int, SeenArm], positions: np.ndarray, seen: np.ndarray) -> None:
+        """What is seen to stay behind is held no more."""
         for number, grip, place in self._holds(view, arms):
-            behind = positions[grip.vertices] - place - grip.beside
-            if np.median(np.linalg.norm(behind, axis=1)) > LET_GO_M:
+            behind = _behind(grip, place, positions)[seen[grip.vertices]]
+            if len(behind) >= FEWEST_HELD and np.median(behind) > LET_GO_M:
                 self._grips[number] = replace(grip, holds=False)
 
     def _sight(self, arm: SeenArm, grip: HandGrip | None, view: View) -> HandSight:
@@ -151,6 +174,11 @@ class HandContacts:
             holds=holds,
             is_led=holds and self._is_solid,
         )
+
+
+def _behind(grip: HandGrip, place: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """[H] metres: how far what a hand at a place [3] holds is from where the hand has it."""
+    return np.asarray(np.linalg.norm(positions[grip.vertices] - place - grip.beside, axis=1))
 
 
 def _is_touched(arm: SeenArm, places: np.ndarray, seen: np.ndarray, moved: np.ndarray, view: View) -> bool:

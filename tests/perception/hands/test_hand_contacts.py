@@ -97,3 +97,23 @@ def test_the_grip_follows_the_hand_in_space() -> None:
     assert before is not None
     assert after is not None
     np.testing.assert_allclose(after.grip - before.grip, [15.0 * before.depth / 300.0, 0, 0], atol=1e-9)
+
+
+def test_what_stays_behind_a_hand_unseen_is_doubted_and_seen_is_let_go() -> None:
+    contacts, arm = HandContacts(REST, is_solid=False), arm_at(160)
+    for _ in range(3):
+        step(contacts, arm, NEAR)
+    aside = replace(arm, centre=arm.centre + [45.0, 0])
+    left = REST + 0.004 * NEAR[:, None] * [0.0, 0, -1.0]
+    doubt = contacts.doubt(VIEW, {0: aside}, left)
+    far = np.linalg.norm(REST - [0.0, 0, 0.5], axis=1) > 0.12
+    assert doubt.max() > 0.05
+    assert not doubt[far].any()
+    assert contacts.doubt(VIEW, {0: arm}, left).max() < 0.01
+
+    def holds(is_seen: bool) -> bool:
+        seen = np.full(len(REST), is_seen)
+        return contacts.next(VIEW, {0: aside}, left, seen, lambda: OBJECT)[0].holds
+
+    assert holds(False)
+    assert not holds(True)

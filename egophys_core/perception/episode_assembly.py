@@ -12,6 +12,7 @@ from egophys_core.perception.hands.carried_paths import carried_path, unturned
 from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.hands.held_points import held_points
+from egophys_core.perception.hands.level_paths import drawn_path
 from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import View
@@ -79,12 +80,18 @@ class EpisodeAssembly:
         paths, contacts = hand_paths(self._hands, self._cameras), contact_views(self._hands)
         holds = {number: view for number, view in contacts.items() if self._hands[view][number].holds}
         seen, times = np.isfinite(points).all(axis=2), 1e-9 * (np.array(self._stamps_ns) - self._stamps_ns[0])
-        hands = {
-            number: carried_path(path, contacts[number], points, seen, times)
-            if self._hands[contacts[number]][number].is_led
-            else unturned(path)
-            for number, path in paths.items()
-        }
+        sure = seen & (confidence >= self.options.least_confidence)
+        eyes = np.array([view.world_from_camera[:3, 3] for view in self._cameras])
+        hands = {}
+        for number, path in paths.items():
+            first = contacts[number]
+            touched = self._hands[first][number]
+            if touched.is_led:
+                hands[number] = carried_path(path, first, points, seen, times)
+            elif touched.holds:
+                hands[number] = unturned(drawn_path(path, eyes, first, points, sure, ground_height))
+            else:
+                hands[number] = unturned(path)
         held = held_points(np.array(self._points), seen, {number: hand.places for number, hand in hands.items()}, holds)
         is_held = np.isfinite(held).all(axis=2)
         points[is_held], confidence[is_held] = held[is_held], HELD_CONFIDENCE

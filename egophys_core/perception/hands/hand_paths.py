@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from egophys_core.perception.hands.hand_points import at_depth
-from egophys_core.perception.hands.pushing_paths import level_path
+from egophys_core.perception.hands.level_paths import PUSHING_DRIFT, level_path
 from egophys_core.perception.observation import HandSight
 from egophys_core.perception.stages import View
 
@@ -53,5 +53,5 @@ def _path(sights: Sequence[HandSight | None], views: Sequence[View]) -> np.ndarr
     )
     if not touched.holds:
         eyes = np.array([views[frame].world_from_camera[:3, 3] for frame in seen])
-        places = level_path(places, eyes, float(touched.grip[2]))
+        places = level_path(places, eyes, float(touched.grip[2]), PUSHING_DRIFT)
     return np.column_stack([np.interp(times, times[seen], places[:, axis]) for axis in range(3)])

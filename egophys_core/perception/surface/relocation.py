@@ -1,4 +1,7 @@
-"""Finds a lost solid again, wherever it is in the view: its pictures' features by their descriptors, then its pose."""
+"""Finds a lost object again, wherever it is in the view: its pictures' features by their descriptors.
+
+These tell the pose of a solid. Those of a sheet are right where their neighbours agree.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,6 +28,12 @@ FEWEST_MATCHES = 12
 
 TRIALS = 300
 
+NEIGHBOURS = 6
+"""Landmarks by which one of a sheet is judged."""
+
+SLACK_PX, DISTORTION = 10.0, 0.6
+"""Pixels, and share of the distance of its neighbours at rest, by which it may have moved otherwise than they."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Landmarks:
@@ -46,16 +55,22 @@ def landmarks_of(texture: SurfaceTexture) -> Landmarks:
     return Landmarks(features=texture.first + nearest[near], descriptors=descriptors[near])
 
 
-def relocated(
-    known: Sequence[Landmarks], places: np.ndarray, evened: np.ndarray, view: View, masks: Masks
-) -> np.ndarray | None:
-    """[4, 4]: where the body is in the world, from its place at rest; None if it is not recognised.
+@dataclass(frozen=True, kw_only=True)
+class Recognised:
+    """Landmarks that were found in a view."""
+
+    features: np.ndarray
+    """[M] int: the feature that each stands for."""
+    pixels: np.ndarray
+    """[M, 2]: x and y."""
+
+
+def recognised(known: Sequence[Landmarks], evened: np.ndarray, masks: Masks) -> Recognised:
+    """Landmarks of all pictures in a view, some of them wrong.
 
     Args:
-        known: of all its pictures.
-        places: [N, 3] metres, frame world: the features at rest.
+        known: of all pictures.
         evened: [S, S] uint8: the view with even contrast.
-        view: its pose is known.
         masks: of the view.
     """
     pixels, descriptors = _described(evened)
@@ -63,27 +78,56 @@ def relocated(
     shown = (masks.object & may_show(masks))[y, x]
     pixels, descriptors = pixels[shown], descriptors[shown]
     features = np.concatenate([each.features for each in known])
-    if len(pixels) < FEWEST_MATCHES or len(features) < 2:
-        return None
+    if not len(pixels) or len(features) < 2:
+        return Recognised(features=np.zeros(0, int), pixels=np.zeros((0, 2)))
     pairs = cv2.BFMatcher().knnMatch(descriptors, np.vstack([each.descriptors for each in known]), k=2)
     good = [best for best, second in pairs if best.distance < RATIO * second.distance]
-    if len(good) < FEWEST_MATCHES:
+    return Recognised(
+        features=features[[match.trainIdx for match in good]], pixels=pixels[[match.queryIdx for match in good]]
+    )
+
+
+def relocated(found: Recognised, places: np.ndarray, view: View) -> np.ndarray | None:
+    """[4, 4]: where a body is in the world, from its place at rest; None if it is not recognised.
+
+    Args:
+        found: its landmarks.
+        places: [N, 3] metres, frame world: the features at rest.
+        view: its pose is known.
+    """
+    if len(found.features) < FEWEST_MATCHES:
         return None
-    at_rest = places[features[[match.trainIdx for match in good]]]
-    found, rotation, shift, right = cv2.solvePnPRansac(
-        at_rest,
-        pixels[[match.queryIdx for match in good]],
+    done, rotation, shift, right = cv2.solvePnPRansac(
+        places[found.features],
+        found.pixels,
         view.camera_matrix,
         None,
         iterationsCount=TRIALS,
         reprojectionError=MISSED_PX,
         flags=cv2.SOLVEPNP_EPNP,
     )
-    if not found or right is None or len(right) < FEWEST_MATCHES:
+    if not done or right is None or len(right) < FEWEST_MATCHES:
         return None
     camera_from_rest = np.eye(4)
     camera_from_rest[:3, :3], camera_from_rest[:3, 3] = cv2.Rodrigues(rotation)[0], shift[:, 0]
     return np.asarray(view.world_from_camera @ camera_from_rest)
+
+
+def agreeing(found: Recognised, at_rest: np.ndarray) -> Recognised:
+    """Those landmarks of a sheet that have moved as most of their neighbours at rest have.
+
+    Args:
+        found: some of them are wrong.
+        at_rest: [N, 2] pixels: the features in the picture at rest.
+    """
+    if len(found.features) < FEWEST_MATCHES:
+        return Recognised(features=np.zeros(0, int), pixels=np.zeros((0, 2)))
+    before = at_rest[found.features]
+    moved = found.pixels - before
+    away, near = cKDTree(before).query(before, k=NEIGHBOURS + 1)
+    off = np.linalg.norm(moved - np.median(moved[near[:, 1:]], axis=1), axis=1)
+    right = off < np.maximum(SLACK_PX, DISTORTION * away[:, 1:].mean(axis=1))
+    return Recognised(features=found.features[right], pixels=found.pixels[right])
 
 
 def _described(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

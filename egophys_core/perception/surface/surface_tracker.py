@@ -13,7 +13,14 @@ from egophys_core.perception.surface import feature_search
 from egophys_core.perception.surface.body_fit import BodyFitter, body_fitter_of
 from egophys_core.perception.surface.feature_search import Found, RenderedSurface
 from egophys_core.perception.surface.patch_match import WINDOW, even_contrast
-from egophys_core.perception.surface.relocation import Landmarks, landmarks_of, relocated
+from egophys_core.perception.surface.relocation import (
+    Landmarks,
+    Recognised,
+    agreeing,
+    landmarks_of,
+    recognised,
+    relocated,
+)
 from egophys_core.perception.surface.rest_surface import RestObject
 from egophys_core.perception.surface.revealed import revealed
 from egophys_core.perception.surface.surface_fit import Correspondences, FittedSurface, SurfaceFitter, fitter_of
@@ -53,6 +60,18 @@ REVEALED_SIGMA = 2.0
 FEWEST_FOUND = 30
 """Features below which a body is lost."""
 
+LOST_SHARE, EVERY = 0.6, 3
+"""Share of a sheet's features below which some of it may be lost, and every how many views it is looked for then."""
+
+MORE_FOUND = 1.2
+"""Times as many features must be found where an object is recognised as where it was thought to be."""
+
+LANDMARK_SIGMA_PX, LANDMARK_DOUBT_PX = 2.0, 30.0
+"""Pixels: error of a landmark of a sheet, and from which on it is rather wrong; the sheet may be far from it."""
+
+LOST_SIGMA_M, LANDMARK_ITERATIONS = 0.06, 10
+"""Metres by which a lost sheet has moved, and iterations of the solver that draw it to its landmarks."""
+
 SURE_M = 0.015
 """Metres of mean deviation of the points with which a view is good for another picture."""
 
@@ -88,6 +107,7 @@ class SurfaceTracker:
         self._textures = [rest.picture]
         self._placed_m = np.zeros(1)
         self._landmarks: list[Landmarks] = []
+        self._views = 0
         self._corners = rest.model.mesh.triangles[rest.feature_triangles]
         self._weights = rest.feature_weights
         self._positions = rest.model.rest
@@ -113,9 +133,9 @@ class SurfaceTracker:
         predicted[held.vertices], doubt[held.vertices] = held.places, HELD_SIGMA_M
         carried = feature_search.follow(self._found, self._evened, evened, masks)
         fitted, found = self._searched(view, masks, evened, predicted, doubt, carried)
-        if self._is_body and len(found.features) < FEWEST_FOUND:
+        if self._may_be_lost(found):
             again = self._found_again(view, masks, evened, carried)
-            if again is not None:
+            if again is not None and len(again[1].features) > MORE_FOUND * len(found.features):
                 (fitted, found), step_s = again, 0.0
         self._found, self._evened = found, evened
         if step_s > 0:
@@ -139,20 +159,49 @@ class SurfaceTracker:
         missed = fitted.residual[: len(found.features)] >= MISSED_PX
         return fitted, found.without(found.features[missed])
 
+    def _may_be_lost(self, found: Found) -> bool:
+        """Whether so little is found that the object is looked for anew: a body, or now and then a part of a sheet."""
+        if self._is_body:
+            return len(found.features) < FEWEST_FOUND
+        self._views += 1
+        return self._views % EVERY == 0 and len(found.features) < LOST_SHARE * len(self._rest.feature_pixels)
+
     def _found_again(
         self, view: View, masks: Masks, evened: np.ndarray, carried: Found
     ) -> tuple[FittedSurface, Found] | None:
-        """A lost body where its landmarks are recognised, if its features are found there, too."""
-        rest = self._rest.model.rest
+        """A lost object where its landmarks are recognised, if its features are found there, too."""
         for texture in self._textures[len(self._landmarks) :]:
             self._landmarks.append(landmarks_of(texture))
-        places = np.einsum("nk,nkd->nd", self._weights, rest[self._corners])
-        move = relocated(self._landmarks, places, evened, view, masks)
-        if move is None:
+        marks = recognised(self._landmarks, evened, masks)
+        there = self._moved_body(view, marks) if self._is_body else self._moved_sheet(view, marks)
+        if there is None:
             return None
-        there, doubt = rest @ move[:3, :3].T + move[:3, 3], np.full(len(rest), MOTION_SIGMA_M)
+        doubt = np.full(len(there), MOTION_SIGMA_M)
         fitted, found = self._searched(view, masks, evened, there, doubt, carried)
         return (fitted, found) if len(found.features) >= FEWEST_FOUND else None
+
+    def _moved_body(self, view: View, marks: Recognised) -> np.ndarray | None:
+        """[W, 3] metres: a body where its landmarks are."""
+        rest = self._rest.model.rest
+        move = relocated(marks, np.einsum("nk,nkd->nd", self._weights, rest[self._corners]), view)
+        return None if move is None else rest @ move[:3, :3].T + move[:3, 3]
+
+    def _moved_sheet(self, view: View, marks: Recognised) -> np.ndarray | None:
+        """[W, 3] metres: a sheet, drawn from where it was to where its landmarks are."""
+        right = agreeing(marks, self._rest.feature_pixels)
+        count = len(right.features)
+        if not count:
+            return None
+        drawn = Correspondences(
+            corners=self._corners[right.features],
+            weights=self._weights[right.features],
+            side=np.ones(count),
+            pixels=right.pixels,
+            sigma=np.full(count, LANDMARK_SIGMA_PX),
+            robust_scale=np.full(count, LANDMARK_DOUBT_PX),
+        )
+        doubt = np.full(len(self._positions), LOST_SIGMA_M)
+        return self._fitter.fit(view, drawn, self._positions, doubt, LANDMARK_ITERATIONS, self._positions).positions
 
     def silhouette(self, view: View) -> np.ndarray:
         """[S, S] bool: where the surface is expected in the next view, also behind hands."""

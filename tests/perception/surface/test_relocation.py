@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.perception.stages import Masks
 from egophys_core.perception.surface.patch_match import even_contrast
-from egophys_core.perception.surface.relocation import landmarks_of, relocated
+from egophys_core.perception.surface.relocation import Recognised, agreeing, landmarks_of, recognised, relocated
 from tests.perception.surface.surface_scene import SIDE, object_at_rest, video
 
 REST = object_at_rest("dome")
@@ -18,7 +18,7 @@ PLACES = np.einsum("nk,nkd->nd", REST.feature_weights, REST.model.rest[REST.mode
 def test_it_is_found_from_wherever_it_was_thought_to_be() -> None:
     turn = Rotation.from_rotvec([0.5, -0.3, 1.2]).as_matrix()
     away = PLACES @ turn.T + [0.3, -0.2, 0.5]
-    move = relocated(KNOWN, away, EVENED, FRAME.view, FRAME.masks)
+    move = relocated(recognised(KNOWN, EVENED, FRAME.masks), away, FRAME.view)
     assert move is not None
     np.testing.assert_allclose(move[:3, :3] @ move[:3, :3].T, np.eye(3), atol=1e-9)
     back = away @ move[:3, :3].T + move[:3, 3]
@@ -26,14 +26,29 @@ def test_it_is_found_from_wherever_it_was_thought_to_be() -> None:
 
 
 def test_nothing_is_recognised_where_it_is_not() -> None:
+    def pose(evened: np.ndarray, masks: Masks) -> np.ndarray | None:
+        return relocated(recognised(KNOWN, evened, masks), PLACES, FRAME.view)
+
     nowhere = np.zeros((SIDE, SIDE), bool)
-    assert relocated(KNOWN, PLACES, EVENED, FRAME.view, Masks(object=nowhere, hand=nowhere)) is None
-    table = Masks(object=~FRAME.masks.object, hand=FRAME.masks.object)
-    assert relocated(KNOWN, PLACES, EVENED, FRAME.view, table) is None
-    flat = np.full_like(EVENED, 128)
-    assert relocated(KNOWN, PLACES, flat, FRAME.view, FRAME.masks) is None
+    assert pose(EVENED, Masks(object=nowhere, hand=nowhere)) is None
+    assert pose(EVENED, Masks(object=~FRAME.masks.object, hand=FRAME.masks.object)) is None
+    assert pose(np.full_like(EVENED, 128), FRAME.masks) is None
     noise = np.random.default_rng(0).integers(0, 255, EVENED.shape).astype(np.uint8)
-    assert relocated(KNOWN, PLACES, noise, FRAME.view, FRAME.masks) is None
+    assert pose(noise, FRAME.masks) is None
+
+
+def test_landmarks_of_a_sheet_count_where_their_neighbours_agree() -> None:
+    generator = np.random.default_rng(0)
+    at_rest = generator.uniform(0, 300, (60, 2))
+    turn = np.array([[0.8, -0.5], [0.4, 0.7]])
+    pixels = at_rest @ turn.T + 80
+    wrong = np.arange(60) % 7 == 0
+    pixels[wrong] = generator.uniform(0, 300, (wrong.sum(), 2))
+    found = agreeing(Recognised(features=np.arange(60), pixels=pixels), at_rest)
+    assert np.isin(found.features, np.flatnonzero(wrong)).mean() < 0.05
+    assert np.isin(np.flatnonzero(~wrong), found.features).mean() > 0.7
+    few = Recognised(features=np.arange(5), pixels=at_rest[:5])
+    assert len(agreeing(few, at_rest).features) == 0
 
 
 def test_landmarks_are_named_by_features() -> None:

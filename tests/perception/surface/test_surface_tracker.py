@@ -178,3 +178,15 @@ def test_camera_that_looks_away_sees_nothing_and_stays_finite() -> None:
     state = SurfaceTracker(REST, FRAMES[0].view).next(replace(FRAMES[1].view, world_from_camera=pose), FRAMES[1].masks)
     assert not state.seen.any()
     assert np.isfinite(state.positions).all()
+
+
+def test_a_sheet_that_is_elsewhere_all_at_once_is_found_within_some_views() -> None:
+    tracker = SurfaceTracker(REST, FRAMES[REST.reference].view)
+    shift = np.array([0.15, 0.1, 0.0])
+    for frame in FRAMES[1:9]:
+        pose = frame.view.world_from_camera.copy()
+        pose[:3, 3] += shift
+        state = tracker.next(replace(frame.view, world_from_camera=pose), frame.masks)
+    assert state.seen.mean() > 0.7
+    moved = state.positions - REST.model.rest
+    assert np.median(np.linalg.norm(moved - shift, axis=1)) < 0.01

@@ -8,7 +8,7 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
-from egophys_core.perception.hands.carried_paths import carried_path, unturned
+from egophys_core.perception.hands.carried_paths import HandPath, carried_path, unturned
 from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.hands.held_points import held_points
@@ -73,42 +73,21 @@ class EpisodeAssembly:
         """
         if len(self._stamps_ns) < 2:
             raise EpisodeError(f"{name}: {len(self._stamps_ns)} view(s) observed; motion needs at least 2")
-        points, confidence = np.array(self._points), np.array(self._confidence)
-        confidence[points[:, :, 2] < ground_height - self.options.ground_margin_m] = 0.0
-        points[confidence < self.options.kept_confidence] = np.nan
-        points[~consistent_motion(points)] = np.nan
-        paths, contacts = hand_paths(self._hands, self._cameras), contact_views(self._hands)
+        points, confidence = self._tracked(ground_height)
+        contacts = contact_views(self._hands)
+        hands = self._hand_motions(contacts, points, confidence, ground_height)
         holds = {number: view for number, view in contacts.items() if self._hands[view][number].holds}
-        seen, times = np.isfinite(points).all(axis=2), 1e-9 * (np.array(self._stamps_ns) - self._stamps_ns[0])
-        sure = seen & (confidence >= self.options.least_confidence)
-        eyes = np.array([view.world_from_camera[:3, 3] for view in self._cameras])
-        hands = {}
-        for number, path in paths.items():
-            first = contacts[number]
-            touched = self._hands[first][number]
-            if touched.is_led:
-                hands[number] = carried_path(path, first, points, seen, times)
-            elif touched.holds:
-                hands[number] = unturned(drawn_path(path, eyes, first, points, sure, ground_height))
-            else:
-                hands[number] = unturned(path)
-        held = held_points(np.array(self._points), seen, {number: hand.places for number, hand in hands.items()}, holds)
+        places = {number: hand.places for number, hand in hands.items()}
+        held = held_points(np.array(self._points), np.isfinite(points).all(axis=2), places, holds)
         is_held = np.isfinite(held).all(axis=2)
         points[is_held], confidence[is_held] = held[is_held], HELD_CONFIDENCE
         kept = np.isfinite(points).any(axis=(0, 2))
         points, confidence = points[:, kept], confidence[:, kept]
         confidence[~np.isfinite(points).all(axis=2)] = 0.0
-        around = ball(max(self.options.controllers // max(len(hands), 1), 1))
-        controllers = np.concatenate(
-            [
-                np.zeros((len(points), 0, 3)),
-                *(hand.places[:, None] + np.einsum("tij,cj->tci", hand.turns, around) for hand in hands.values()),
-            ],
-            axis=1,
-        )
+        controllers = self._controllers(hands)
         return Episode(
             name=name,
-            times=(np.array(self._stamps_ns, np.int64) - self._stamps_ns[0]) * 1e-9,
+            times=self._times,
             points=points,
             confidence=confidence,
             point_ids=np.arange(points.shape[1], dtype=np.uint32),
@@ -116,3 +95,41 @@ class EpisodeAssembly:
             controller_ids=np.arange(controllers.shape[1], dtype=np.uint32),
             ground_height=ground_height,
         )
+
+    @property
+    def _times(self) -> np.ndarray:
+        """[T] seconds from the first observation on."""
+        return (np.array(self._stamps_ns, np.int64) - self._stamps_ns[0]) * 1e-9
+
+    def _tracked(self, ground_height: float) -> tuple[np.ndarray, np.ndarray]:
+        """Points [T, N, 3], metres, NaN where they are not known, and their confidence [T, N]."""
+        points, confidence = np.array(self._points), np.array(self._confidence)
+        confidence[points[:, :, 2] < ground_height - self.options.ground_margin_m] = 0.0
+        points[confidence < self.options.kept_confidence] = np.nan
+        points[~consistent_motion(points)] = np.nan
+        return points, confidence
+
+    def _hand_motions(
+        self, contacts: Mapping[int, int], points: np.ndarray, confidence: np.ndarray, ground_height: float
+    ) -> dict[int, HandPath]:
+        """By number, how hands move that have contact from a view on: by their outline, and by what they act on."""
+        seen = np.isfinite(points).all(axis=2)
+        sure = seen & (confidence >= self.options.least_confidence)
+        eyes = np.array([view.world_from_camera[:3, 3] for view in self._cameras])
+        motions = {}
+        for number, path in hand_paths(self._hands, self._cameras).items():
+            first = contacts[number]
+            touched = self._hands[first][number]
+            if touched.is_led:
+                motions[number] = carried_path(path, first, points, seen, self._times)
+            elif touched.holds:
+                motions[number] = unturned(drawn_path(path, eyes, first, points, sure, ground_height))
+            else:
+                motions[number] = unturned(path)
+        return motions
+
+    def _controllers(self, hands: Mapping[int, HandPath]) -> np.ndarray:
+        """[T, C, 3] metres: points of the hands, as many of each."""
+        around = ball(max(self.options.controllers // max(len(hands), 1), 1))
+        groups = [hand.places[:, None] + np.einsum("tij,cj->tci", hand.turns, around) for hand in hands.values()]
+        return np.concatenate([np.zeros((len(self._stamps_ns), 0, 3)), *groups], axis=1)

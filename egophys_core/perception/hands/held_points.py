@@ -10,7 +10,7 @@ HELD_RADIUS_M = 0.025
 FEWEST = 3
 """Points that are held at least, wherever the hand takes hold."""
 
-LET_GO_M = 0.03
+ASTRAY_M = 0.03
 """Metres: a held point that is seen farther from where it should be was let go."""
 
 
@@ -35,7 +35,7 @@ def held_points(
         members = np.flatnonzero(away <= reach)
         places = points[first, members] + (path[first:, None] - path[first])
         seen = is_seen[first:, members]
-        lost = seen & (np.linalg.norm(points[first:, members] - places, axis=2) > LET_GO_M)
+        lost = seen & (np.linalg.norm(points[first:, members] - places, axis=2) > ASTRAY_M)
         end = int(np.argmax(lost.any(axis=1))) if lost.any() else len(places)
         hidden = ~seen[:end]
         held[first : first + end, members] = np.where(hidden[..., None], places[:end], np.nan)

@@ -19,7 +19,7 @@ from egophys_core.perception.camera.board import Board
 from egophys_core.perception.hands.hand_contacts import HandContacts
 from egophys_core.perception.hands.hand_tracks import HandTracks
 from egophys_core.perception.observation import HandSight
-from egophys_core.perception.options import PerceptionOptions
+from egophys_core.perception.options import ObjectKind, PerceptionOptions
 from egophys_core.perception.stages import Masks, View
 from egophys_core.perception.surface.rest_surface import RestObject, rest_object
 from egophys_core.perception.surface.surface_tracker import SurfaceState, SurfaceTracker
@@ -161,7 +161,7 @@ def followed(
     """The object and the hands in one frame after the other; no hand is seen in those whose index is hidden."""
     corners, count = rest.model.mesh.triangles[rest.feature_triangles], len(rest.model.mesh.pixels)
     tracker, hands = SurfaceTracker(rest, first.view), HandTracks()
-    contacts = HandContacts(rest.model.rest[:count])
+    contacts = HandContacts(rest.model.rest[:count], is_solid=rest.kind == ObjectKind.SOLID)
     for index, frame in enumerate(frames):
         view, shown = frame.view, frame.masks.hand & (index not in hidden)
         # Outlines of drawn hands, 8 pixels of radius, tell nothing: masks alone.

@@ -1,8 +1,7 @@
 """Which hands have begun to move the object, and where in space each of them acts on it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -38,9 +37,6 @@ COVERING_VIEWS = 7
 """Views in a row in which it does, up to the one in which the object moves: a hand takes hold and then moves, one that
 pushes comes over the object as that moves."""
 
-TAKING_S = 0.4
-"""Seconds before the object is seen to move in which the hand has taken hold of it."""
-
 TOUCHING_M = 0.04
 """Metres from the object, as seen from the camera, beyond which a hand does not touch it."""
 
@@ -67,16 +63,6 @@ class HeldVertices:
 NOTHING_HELD = HeldVertices(vertices=np.zeros(0, int), places=np.zeros((0, 3)))
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Tried:
-    """The grip of a hand that covers the object, if it took hold in a view."""
-
-    stamp_ns: int
-    grip: HandGrip
-    place: np.ndarray
-    """[3] metres, frame world: where it holds."""
-
-
 class HandContacts:
     """The hands' grips from view to view; a grip once taken is kept."""
 
@@ -91,7 +77,6 @@ class HandContacts:
         self._grips: dict[int, HandGrip] = {}
         self._nearly: dict[int, list[HandGrip]] = {}
         self._covered: dict[int, list[float]] = {}
-        self._tried: dict[int, list[_Tried]] = {}
 
     def next(
         self,
@@ -120,13 +105,11 @@ class HandContacts:
             covered = self._covered[number] = [*self._covered.get(number, []), covered_share(arm, shown)][
                 -COVERING_VIEWS:
             ]
-            grip_if = partial(take_grip, arm, shown, positions, places, view, is_solid=self._is_solid)
-            if covered[-1] >= HELD_SHARE:
-                self._try(number, arm, grip_if(holds=True), view)
             if _is_touched(arm, places, seen, moved, view):
                 nearly = self._nearly.setdefault(number, [])
                 holds = min(covered) >= HELD_SHARE
-                nearly.append(_steadiest(self._tried[number]) if holds else grip_if(holds=False))
+                grip = take_grip(arm, shown, positions, places, view, holds=holds, is_solid=self._is_solid)
+                nearly.append(grip)
                 if len(nearly) == CONTACT_VIEWS:
                     # The earliest: there the object is nearest to where it lay.
                     self._grips[number] = nearly[0]
@@ -137,16 +120,6 @@ class HandContacts:
             for number, arm in arms.items()
             if number not in self._grips or self._grips[number].cue == arm.cue
         }
-
-    def _try(self, number: int, arm: SeenArm, grip: HandGrip, view: View) -> None:
-        """Keep the grip that a hand has if it takes hold in this view, beside those of the last views."""
-        recent = [
-            each
-            for each in self._tried.get(number, [])
-            if view.stamp_ns - each.stamp_ns <= 1e9 * TAKING_S and each.grip.cue == arm.cue
-        ]
-        now = _Tried(stamp_ns=view.stamp_ns, grip=grip, place=self._place(grip, arm, view))
-        self._tried[number] = [*recent, now]
 
     def held(self, view: View, arms: Mapping[int, SeenArm]) -> HeldVertices:
         """Where in the next view the vertices are that hands hold, by what is seen of the hands."""
@@ -201,13 +174,6 @@ class HandContacts:
             holds=holds,
             is_led=holds and self._is_solid,
         )
-
-
-def _steadiest(tried: Sequence[_Tried]) -> HandGrip:
-    """That of the view, in order, before which the hand moved least: it rests as it takes hold, and then moves."""
-    places = np.array([each.place for each in tried])
-    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
-    return tried[int(steps.argmin()) + 1 if len(steps) else 0].grip
 
 
 def _behind(grip: HandGrip, place: np.ndarray, positions: np.ndarray) -> np.ndarray:

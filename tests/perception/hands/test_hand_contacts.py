@@ -117,19 +117,3 @@ def test_what_stays_behind_a_hand_unseen_is_doubted_and_seen_is_let_go() -> None
 
     assert holds(False)
     assert not holds(True)
-
-
-def test_the_grip_is_that_of_the_hand_at_rest_before_it_moves() -> None:
-    """The object is seen to move only after the hand does, which then covers another place of it."""
-    contacts, still = HandContacts(REST, is_solid=False), np.zeros(len(REST), bool)
-    for x in (190, 175, 160, 160, 160, 166, 172):
-        step(contacts, arm_at(x), still)
-    for _ in range(3):
-        sight = step(contacts, arm_at(172), NEAR)
-    rested = HandContacts(REST, is_solid=False)
-    for _ in range(6):
-        as_at_rest = step(rested, arm_at(160), NEAR)
-    assert sight is not None
-    assert as_at_rest is not None
-    moved = (172 - 160) * sight.depth / 300.0
-    assert sight.grip[0] - as_at_rest.grip[0] == pytest.approx(moved, abs=0.002)

@@ -114,8 +114,9 @@ def test_blocks_of_the_readme_run(folder, block):
     if "egophys rehearse" in block:
         pytest.importorskip("mujoco", reason="needs the extra [rehearsal]")
     for command in commands(README):
-        if command.text in block:
-            name = command.words[1]
+        name = command.words[1]
+        # These take films that only the user has.
+        if command.text in block and name not in ("calibrate-camera", "import"):
             run_egophys([*command.words, *FAST.get(name, ())], folder, good=(0, 1) if name == "diagnose" else (0,))
     made = {path.name for path in folder.iterdir()}
     assert made >= ({"diagnosis"} if "diagnose" in block else {"board.pdf", "seen", "towel.twin", "plan.json"})

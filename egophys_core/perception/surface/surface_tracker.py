@@ -133,6 +133,7 @@ class SurfaceTracker:
         predicted[held.vertices], doubt[held.vertices] = held.places, HELD_SIGMA_M
         carried = feature_search.follow(self._found, self._evened, evened, masks)
         fitted, found = self._searched(view, masks, evened, predicted, doubt, carried)
+        self._views += 1
         if self._may_be_lost(found):
             again = self._found_again(view, masks, evened, carried)
             if again is not None and len(again[1].features) > MORE_FOUND * len(found.features):
@@ -163,7 +164,6 @@ class SurfaceTracker:
         """Whether so little is found that the object is looked for anew: a body, or now and then a part of a sheet."""
         if self._is_body:
             return len(found.features) < FEWEST_FOUND
-        self._views += 1
         return self._views % EVERY == 0 and len(found.features) < LOST_SHARE * len(self._rest.feature_pixels)
 
     def _found_again(

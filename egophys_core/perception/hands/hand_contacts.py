@@ -33,8 +33,8 @@ CONTACT_VIEWS = 3
 HELD_SHARE = 0.12
 """Share of a hand that covers the object before that moves, where it holds it: 0.2 to 0.7; 0.01 where it pushes."""
 
-COVERING_VIEWS = 7
-"""Views in a row in which it does, up to the one in which the object moves: a hand takes hold and then moves, one that
+COVERING_S = 0.22
+"""Seconds for which it does, up to the view in which the object moves: a hand takes hold and then moves, one that
 pushes comes over the object as that moves."""
 
 TOUCHING_M = 0.04
@@ -76,7 +76,7 @@ class HandContacts:
         self._rest, self._is_solid = rest, is_solid
         self._grips: dict[int, HandGrip] = {}
         self._nearly: dict[int, list[HandGrip]] = {}
-        self._covered: dict[int, list[float]] = {}
+        self._covered: dict[int, list[tuple[int, float]]] = {}
 
     def next(
         self,
@@ -102,12 +102,13 @@ class HandContacts:
         shown = silhouette() if untouched else np.zeros((0, 0), bool)
         for number in untouched:
             arm = arms[number]
-            covered = self._covered[number] = [*self._covered.get(number, []), covered_share(arm, shown)][
-                -COVERING_VIEWS:
+            covered = self._covered[number] = [
+                *(each for each in self._covered.get(number, []) if view.stamp_ns - each[0] <= 1e9 * COVERING_S),
+                (view.stamp_ns, covered_share(arm, shown)),
             ]
             if _is_touched(arm, places, seen, moved, view):
                 nearly = self._nearly.setdefault(number, [])
-                holds = min(covered) >= HELD_SHARE
+                holds = min(share for _, share in covered) >= HELD_SHARE
                 grip = take_grip(arm, shown, positions, places, view, holds=holds, is_solid=self._is_solid)
                 nearly.append(grip)
                 if len(nearly) == CONTACT_VIEWS:

@@ -26,9 +26,12 @@ def arm_at(x: int) -> SeenArm:
     return find_arms(arm_mask((SIDE - 1, 160), (x, 160)), OBJECT)[0]
 
 
-def step(contacts: HandContacts, arm: SeenArm, moved: np.ndarray, by: float = 0.004) -> HandSight | None:
+def step(
+    contacts: HandContacts, arm: SeenArm, moved: np.ndarray, by: float = 0.004, seconds: float = 0.0
+) -> HandSight | None:
     positions = REST + by * moved[:, None] * [0.0, 0, -1.0]
-    return contacts.next(VIEW, {0: arm}, positions, np.ones(len(REST), bool), lambda: OBJECT).get(0)
+    view = replace(VIEW, stamp_ns=round(1e9 * seconds))
+    return contacts.next(view, {0: arm}, positions, np.ones(len(REST), bool), lambda: OBJECT).get(0)
 
 
 def test_a_hand_has_contact_once_what_is_near_it_has_moved_for_some_views() -> None:
@@ -117,3 +120,22 @@ def test_what_stays_behind_a_hand_unseen_is_doubted_and_seen_is_let_go() -> None
 
     assert holds(False)
     assert not holds(True)
+
+
+@pytest.mark.parametrize("rate", [15, 30, 60])
+def test_a_hold_is_told_from_a_push_at_any_rate(rate: int) -> None:
+    """The hand comes within a tenth of a second, and rests for a quarter of one before the object moves."""
+    still = np.zeros(len(REST), bool)
+    holding, pushing = HandContacts(REST, is_solid=True), HandContacts(REST, is_solid=True)
+    for frame in range(round(0.5 * rate)):
+        seconds = frame / rate
+        moved = NEAR if seconds > 0.35 else still
+        hold = step(holding, arm_at(240 if seconds < 0.1 else 170), moved, seconds=seconds)
+        push = step(pushing, arm_at(240 if seconds < 0.34 else 170), moved, seconds=seconds)
+    for _ in range(3):
+        hold = step(holding, arm_at(170), NEAR, seconds=seconds) or hold
+        push = step(pushing, arm_at(170), NEAR, seconds=seconds) or push
+    assert hold is not None
+    assert push is not None
+    assert hold.holds
+    assert not push.holds

@@ -12,7 +12,8 @@ from egophys_core.perception.hands.carried_paths import HandPath, carried_path, 
 from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.hands.held_points import held_points
-from egophys_core.perception.hands.level_paths import drawn_path
+from egophys_core.perception.hands.level_paths import above_table, drawn_path
+from egophys_core.perception.hands.reach import path_within_reach
 from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import View
@@ -117,13 +118,15 @@ class EpisodeAssembly:
         sure = seen & (confidence >= self.options.least_confidence)
         eyes = np.array([view.world_from_camera[:3, 3] for view in self._cameras])
         motions = {}
-        for number, path in hand_paths(self._hands, self._cameras).items():
+        for number, seen_path in hand_paths(self._hands, self._cameras).items():
+            path = above_table(seen_path, eyes, ground_height)
             first = contacts[number]
             touched = self._hands[first][number]
             if touched.is_led:
                 motions[number] = carried_path(path, first, points, seen, self._times)
             elif touched.holds:
-                motions[number] = unturned(drawn_path(path, eyes, first, points, sure, ground_height))
+                reached = path_within_reach(path, eyes, first, points, sure)
+                motions[number] = unturned(drawn_path(reached, eyes, first, points, sure, ground_height))
             else:
                 motions[number] = unturned(path)
         return motions

@@ -21,6 +21,9 @@ ForwardModel = Callable[[Sequence[WaypointPlan]], np.ndarray]
 Progress = Callable[[int, int, float], None]
 """Called with iterations done, iterations, best cost in metres; may raise to stop."""
 
+FINGERTIP_M = 0.015
+"""Metres: fingers that are moved by less still hold the same of the object."""
+
 
 def plan_to_target(
     forward: ForwardModel,
@@ -37,14 +40,9 @@ def plan_to_target(
         The cheapest plan met, with its predicted cost, and the cost of grasping without moving, metres.
 
     Raises:
-        PlanningError: the grasp is outside the tool's box, or every sample of an iteration failed.
+        PlanningError: the grasp is more than a fingertip outside the tool's box, or every sample of an iteration failed.
     """
-    low, high = np.array(options.low_m), np.array(options.high_m)
-    if not ((grasp.position >= low) & (grasp.position <= high)).all():
-        raise PlanningError(
-            f"the grasp at {np.round(grasp.position, 3).tolist()} m is outside the tool's box "
-            f"{low.tolist()} .. {high.tolist()} m; move the object or widen the box"
-        )
+    grasp = _reachable(grasp, options)
     generator = np.random.default_rng(seed)
     nominal = np.zeros((options.waypoints, 3))
     still = _plan(nominal, grasp, options, twin_id)
@@ -67,6 +65,18 @@ def plan_to_target(
         noise_m *= options.noise_decay
         progress(iteration + 1, options.iterations, best.predicted_cost)
     return best, initial_cost
+
+
+def _reachable(grasp: Grasp, options: PlanOptions) -> Grasp:
+    """The grasp with the tool inside its box; what lies on the table is often taken hold of right at the box's side."""
+    low, high = np.array(options.low_m), np.array(options.high_m)
+    inside = np.clip(grasp.position, low, high)
+    if np.linalg.norm(inside - grasp.position) > FINGERTIP_M:
+        raise PlanningError(
+            f"the grasp at {np.round(grasp.position, 3).tolist()} m is outside the tool's box "
+            f"{low.tolist()} .. {high.tolist()} m; move the object or widen the box"
+        )
+    return replace(grasp, position=inside)
 
 
 def _weights(costs: np.ndarray, temperature: float) -> np.ndarray:

@@ -149,6 +149,12 @@ def test_grasp_outside_the_box_is_refused_with_both():
         plan_to_target(EndsAt([0, 0, 0]), outside, OPTIONS, seed=0)
 
 
+def test_grasp_right_under_the_box_is_taken_from_inside_it():
+    under = Grasp(position=np.array([0.0, 0.0, -0.008]), controllers=np.zeros((1, 3)))
+    plan, _ = plan_to_target(EndsAt([0.1, 0.1, 0.1]), under, OPTIONS, seed=0)
+    assert plan.positions[:, 2].min() == OPTIONS.low_m[2]
+
+
 def test_weights_are_those_of_the_softmin():
     # exp(-(S - min S) / lambda) with lambda = temperature * standard deviation of (1, 2, 3).
     costs = np.array([1.0, 2.0, 3.0, np.inf])

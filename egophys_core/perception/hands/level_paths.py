@@ -1,4 +1,4 @@
-"""Paths of hands that push or draw along the table, put right by their height.
+"""Paths of hands put right by their height: of those that push or draw along the table, and of any under the table.
 
 What lies on a table is pushed along it: 8 hands whose paths were measured change their height by 0 to 10 mm while they
 push (docs/notes/pushes.md). The place in the view is right to a few pixels, so the height tells the depth better than
@@ -50,6 +50,18 @@ def level_path(places: np.ndarray, eyes: np.ndarray, height: float, drift: float
     misses = ((SHARES - 1) / drift) ** 2 + np.log1p(((heights - height) / LEVEL_M) ** 2)
     shares = gaussian_filter1d(SHARES[misses.argmin(axis=1)], STEADY_VIEWS, mode="nearest")
     return np.asarray(eyes + shares[:, None] * sights)
+
+
+def above_table(places: np.ndarray, eyes: np.ndarray, ground: float) -> np.ndarray:
+    """[T, 3] metres: the path of a hand, nearer to the eye where it would be under the table.
+
+    Args:
+        places: [T, 3] metres: where it is by its width.
+        eyes: [T, 3] metres: where the camera is, above the table.
+        ground: metres: height of the table.
+    """
+    shares = np.where(places[:, 2] < ground, (eyes[:, 2] - ground) / (eyes[:, 2] - places[:, 2]), 1.0)
+    return np.asarray(eyes + shares[:, None] * (places - eyes))
 
 
 def drawn_path(

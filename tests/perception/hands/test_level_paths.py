@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from egophys_core.perception.hands.level_paths import PUSHING_DRIFT, drawn_path, level_path
+from egophys_core.perception.hands.level_paths import PUSHING_DRIFT, above_table, drawn_path, level_path
 
 EYE = np.array([0.0, -0.5, 0.5])
 
@@ -58,3 +58,12 @@ def test_a_hand_that_draws_a_sheet_is_level_and_one_that_lifts_it_is_not() -> No
     np.testing.assert_array_equal(lifted, wrong)
     unseen = drawn_path(wrong, eyes, 5, sheet, ~sure, 0.0)
     np.testing.assert_array_equal(unseen, wrong)
+
+
+def test_no_hand_is_under_the_table() -> None:
+    path = pushed(np.linspace(-0.03, 0.03, 40))
+    found = above_table(path, np.tile(EYE, (40, 1)), -0.01)
+    under = path[:, 2] < -0.01
+    assert found[under, 2] == pytest.approx(-0.01)
+    np.testing.assert_allclose(np.cross(found - EYE, path - EYE), 0, atol=1e-12)
+    np.testing.assert_allclose(found[~under], path[~under])

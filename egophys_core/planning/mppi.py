@@ -40,7 +40,7 @@ def plan_to_target(
         The cheapest plan met, with its predicted cost, and the cost of grasping without moving, metres.
 
     Raises:
-        PlanningError: the grasp is more than a fingertip outside the tool's box, or every sample of an iteration failed.
+        PlanningError: the grasp is over a fingertip outside the tool's box, or every sample of an iteration failed.
     """
     grasp = _reachable(grasp, options)
     generator = np.random.default_rng(seed)

@@ -29,6 +29,9 @@ from egophys_core.waypoint_plan import NANOSECONDS
 from egophys_twin.build import BuildRequest
 from egophys_twin.recordings import loads_by_name
 
+STAGES_AT_ONCE = 20
+"""Messages about a job that may wait for a busy subscriber: its first stages follow each other within milliseconds."""
+
 SCORES = ("train_chamfer_m", "train_track_m", "test_chamfer_m", "test_track_m")
 
 
@@ -40,7 +43,7 @@ class TwinTopics:
         self._node = node
         self._info = self._publisher(TwinInfo, "~/info")
         self._model = self._publisher(UInt8MultiArray, "~/model")
-        self._job = self._publisher(BuildJob, "~/job")
+        self._job = self._publisher(BuildJob, "~/job", STAGES_AT_ONCE)
         self._training = self._publisher(String, "~/training/build")
         self._predicted_plan = self._publisher(WaypointPlan, "~/predicted/plan")
         self._predicted_points = self._publisher(PointCloud2, "~/predicted/points")
@@ -109,8 +112,8 @@ class TwinTopics:
         while self._training_points:
             self._node.destroy_publisher(self._training_points.pop())
 
-    def _publisher(self, kind: type, name: str) -> Publisher:
-        return self._node.own(self._node.create_publisher(kind, name, latched()), self._node.destroy_publisher)
+    def _publisher(self, kind: type, name: str, depth: int = 1) -> Publisher:
+        return self._node.own(self._node.create_publisher(kind, name, latched(depth)), self._node.destroy_publisher)
 
 
 def _described(loaded: LoadedEpisode, source: EpisodeSource) -> dict[str, Any]:

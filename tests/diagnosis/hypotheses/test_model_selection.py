@@ -57,6 +57,7 @@ def wind():
     return selected(sheet(), episodes(WIND), "point_attraction", others)
 
 
+@pytest.mark.slow
 def test_the_special_case_of_what_explains_much_is_refitted_though_nobody_asked_for_it(wind):
     _, ended = wind
     assert {"point_attraction", "constant_body_force", "gravity_tilt"} <= set(ended.fits)
@@ -64,6 +65,7 @@ def test_the_special_case_of_what_explains_much_is_refitted_though_nobody_asked_
     assert [force["x"], force["y"]] == pytest.approx([1.5, -1.0], abs=0.4)
 
 
+@pytest.mark.slow
 def test_with_an_effect_the_loss_is_less_and_without_it_is_no_more_than_before(wind):
     before, ended = wind
     assert ended.fits["constant_body_force"].loss < 0.7 * before.loss
@@ -71,6 +73,7 @@ def test_with_an_effect_the_loss_is_less_and_without_it_is_no_more_than_before(w
     assert ended.before.model.effects == ()
 
 
+@pytest.mark.slow
 def test_what_a_bad_twin_gains_by_an_effect_is_the_twins_and_not_the_effects():
     """A twin that is too stiff is helped by anything that has its other numbers refitted."""
     stiff = replace(sheet(), stiffness=5.0 * sheet().stiffness)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from egophys_core.diagnosis.diagnosis import Outcome
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters
@@ -56,6 +57,7 @@ def test_an_effect_without_slopes_is_worth_a_refit_if_a_large_amplitude_probe_ga
     assert "needs at least 8 to be worth a refit" in criteria["tracking_scale"][0].sentence
 
 
+@pytest.mark.slow
 def test_a_cable_that_goes_where_nothing_pulls_it_is_unexplained():
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=140))
     body = marker_body(moved, None)

@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
     from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, Source, is_video, load_episodes
-    from egophys_core.evaluation import Scores, baseline_scores
+    from egophys_core.evaluation import Scores, baseline_scores, lost_to
     from egophys_core.identification import build
     from egophys_core.observation import observe_episodes
     from egophys_core.twin import save_twin
@@ -76,13 +76,22 @@ def run(parsed: argparse.Namespace) -> int:
         return 130
     save_twin(twin, parsed.out)
     reports = {each.episode.name: each.report for each in loaded if each.report is not None}
-    scores = {"twin": Scores(**twin.provenance.scores)}
-    if not observed[0].is_sparse:
-        scores |= baseline_scores(observed[0].episode, observed[0].contact)
+    fitted = Scores(**twin.provenance.scores)
+    first = observed[0]
+    baselines = {} if first.is_sparse else baseline_scores(first.episode, first.contact)
+    scores, warning = {"twin": fitted, **baselines}, lost_to(fitted, baselines)
     if parsed.json:
         named = {name: each.as_dict() for name, each in scores.items()}
         perception = {name: dataclasses.asdict(each) for name, each in reports.items()}
-        print_json({"twin": str(parsed.out), "twin_id": twin.twin_id, "scores": named, "perception": perception})
+        print_json(
+            {
+                "twin": str(parsed.out),
+                "twin_id": twin.twin_id,
+                "scores": named,
+                "warning": warning,
+                "perception": perception,
+            }
+        )
     else:
         for name, perceived in reports.items():
             print(
@@ -93,5 +102,7 @@ def run(parsed: argparse.Namespace) -> int:
         print_scores(f"{episodes[0].name}", scores)
         for note in twin.provenance.settings.get("assumed", []):
             print(f"assumed: {note}")
+        if warning:
+            print(f"warning: {warning}")
         print(f"twin {twin.twin_id} written to {parsed.out}")
     return 0

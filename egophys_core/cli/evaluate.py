@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Evaluate and print."""
-    from egophys_core.evaluation import baseline_scores, score
+    from egophys_core.evaluation import baseline_scores, lost_to, score
     from egophys_core.identification import predict
     from egophys_core.observation import observe_episode, place_twin
     from egophys_core.recording import read_episode
@@ -32,12 +32,14 @@ def run(parsed: argparse.Namespace) -> int:
     problem = place_twin(twin, observed)
     scores = score(predict(twin.model, problem), twin.model.graph.surface, problem.episode)
     baselines = baseline_scores(observed.episode, observed.contact)
+    warning = lost_to(scores, baselines)
     if parsed.json:
         print_json(
             {
                 "twin_id": twin.twin_id,
                 "episode": episode.name,
                 **scores.as_dict(),
+                "warning": warning,
                 "baselines": {name: each.as_dict() for name, each in baselines.items()},
             }
         )
@@ -49,6 +51,8 @@ def run(parsed: argparse.Namespace) -> int:
             ("prediction", "train CD", "test CD", "train IoU", "test IoU"),
             [(name, *_both_ways(each)) for name, each in predictions.items()],
         )
+        if warning:
+            print(f"warning: {warning}")
     return 0
 
 

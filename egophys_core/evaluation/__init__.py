@@ -2,6 +2,7 @@
 
 from egophys_core.evaluation.baselines import baseline_scores, rigid_follow_prediction, static_prediction
 from egophys_core.evaluation.iou import iou_per_frame
+from egophys_core.evaluation.lost_to import lost_to
 from egophys_core.evaluation.masks import MaskScores, mask_scores
 from egophys_core.evaluation.metrics import (
     bind_tracks,
@@ -48,6 +49,7 @@ __all__ = [
     "follow_measured",
     "identify",
     "iou_per_frame",
+    "lost_to",
     "mask_scores",
     "pair_frames",
     "pixels_of",

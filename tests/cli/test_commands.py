@@ -138,7 +138,16 @@ def test_evaluate_tells_the_scores_the_twin_was_built_with(egophys_json, twin_fi
     assert {name: content[name] for name in METRICS} == twin.provenance.scores
     assert content["twin_id"] == twin.twin_id
     assert content["episode"] == "towel"
+    assert content["warning"] == ""
     assert set(content["baselines"]) == {"last observed shape stays", "moves with nearest controller"}
+
+
+def test_a_twin_that_predicts_worse_than_no_physics_says_so(egophys, twin_file, episode_bag, tmp_path):
+    twin, slack = load_twin(twin_file), tmp_path / "slack.twin"
+    parameters = replace(twin.model.parameters, controller_stiffness=1e-3)
+    save_twin(replace(twin, model=replace(twin.model, parameters=parameters)), slack)
+    _, out, _ = egophys("evaluate", slack, episode_bag)
+    assert "warning: this twin predicts worse than no physics: it is off by" in out
 
 
 def test_stopped_build_says_how_to_go_on_and_does(egophys, episode_bag, tmp_path, monkeypatch):

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, LoadedEpisode, is_video
+from egophys_core.evaluation import Scores, baseline_scores, lost_to
 from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, Progress, build
+from egophys_core.observation import observe_episodes
 from egophys_core.recording import list_topics
 from egophys_core.twin import Twin, save_twin
 from egophys_twin.recorded_topics import source_in
@@ -50,11 +52,13 @@ class BuiltTwin:
 
     twin: Twin
     path: Path
+    warning: str
+    """That it loses to a prediction without physics; empty if it does not."""
 
     @property
     def summary(self) -> str:
         """For a person."""
-        return f"built twin {self.twin.twin_id}: {self.path}"
+        return f"built twin {self.twin.twin_id}: {self.path}" + (f"; {self.warning}" if self.warning else "")
 
 
 def run_build(
@@ -81,13 +85,15 @@ def run_build(
     )
     on_episodes(loaded)
     episodes = [each.episode for each in loaded]
+    observed = observe_episodes(episodes, loads_by_name(request.loads, episodes))
     twin = build(
-        episodes,
+        observed,
         request.options,
-        loads=loads_by_name(request.loads, episodes),
         seed=request.seed,
         progress=lambda stage, share, loss: progress(stage, perceiving + (1 - perceiving) * share, loss),
     )
     progress("save", 1.0, NOT_KNOWN)
     save_twin(twin, request.output_path)
-    return BuiltTwin(twin=twin, path=request.output_path)
+    first = observed[0]
+    baselines = {} if first.is_sparse else baseline_scores(first.episode, first.contact)
+    return BuiltTwin(twin=twin, path=request.output_path, warning=lost_to(Scores(**twin.provenance.scores), baselines))

@@ -13,7 +13,6 @@ from egophys_core.perception.hands.hand_paths import contact_views, hand_paths
 from egophys_core.perception.hands.hand_points import ball
 from egophys_core.perception.hands.held_points import held_points
 from egophys_core.perception.hands.level_paths import above_table, drawn_path
-from egophys_core.perception.hands.reach import path_within_reach
 from egophys_core.perception.observation import HandSight, Observation
 from egophys_core.perception.options import PerceptionOptions
 from egophys_core.perception.stages import View
@@ -125,8 +124,7 @@ class EpisodeAssembly:
             if touched.is_led:
                 motions[number] = carried_path(path, first, points, seen, self._times)
             elif touched.holds:
-                reached = path_within_reach(path, eyes, first, points, sure)
-                motions[number] = unturned(drawn_path(reached, eyes, first, points, sure, ground_height))
+                motions[number] = unturned(drawn_path(path, eyes, first, points, sure, ground_height))
             else:
                 motions[number] = unturned(path)
         return motions

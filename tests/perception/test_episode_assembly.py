@@ -120,7 +120,7 @@ def test_controllers_are_about_where_the_hand_is_seen() -> None:
     for frame in (0, GRIP, 9):
         # Also before the contact: the hand is as wide there.
         place = at_depth(given[frame].hands[0].pixel[None], DEPTH, given[frame].view)
-        np.testing.assert_allclose(episode.controllers[frame].mean(axis=0), place[0], atol=1e-3)
+        np.testing.assert_allclose(episode.controllers[frame].mean(axis=0), place[0], atol=1e-5)
     around = episode.controllers - episode.controllers.mean(axis=1, keepdims=True)
     np.testing.assert_allclose(around, np.repeat(around[:1], 10, axis=0), atol=1e-6)
 

@@ -16,6 +16,13 @@ STEADY_S = 0.05
 OUTLIER_VIEWS = 5
 """Views of a median of the widths."""
 
+FASTEST = 1.0
+"""Per second: change of a hand's depth over that depth. 13 hands whose paths were measured come to 0.5; what grows
+faster has turned its end to the camera, or has been taken together with its arm (docs/notes/hands.md)."""
+
+JUMP_S = 0.13
+"""Seconds within which a width jumps."""
+
 
 def hand_paths(sights: Sequence[Mapping[int, HandSight]], views: Sequence[View]) -> dict[int, np.ndarray]:
     """[T, 3] metres, frame world, by the hand's number, where each holds or pushes; of those that ever have contact.
@@ -46,8 +53,9 @@ def _path(sights: Sequence[HandSight | None], views: Sequence[View]) -> np.ndarr
     offset = touched.grip - at_depth(touched.pixel[None], touched.depth, views[first])[0]
     seen, times = np.array(list(known)), np.array([view.stamp_ns for view in views]) * 1e-9
     step = float(np.median(np.diff(times[seen]))) if len(seen) > 1 else STEADY_S
-    inverse = median_filter(np.array([1 / sight.radius for sight in known.values()]), OUTLIER_VIEWS, mode="nearest")
-    depth = touched.depth * touched.radius * gaussian_filter1d(inverse, STEADY_S / step, mode="nearest")
+    widths = median_filter(np.array([sight.radius for sight in known.values()]), OUTLIER_VIEWS, mode="nearest")
+    steady = _without_jumps(widths, times[seen], int(np.searchsorted(seen, first)))
+    depth = touched.depth * touched.radius * gaussian_filter1d(1 / steady, STEADY_S / step, mode="nearest")
     places = offset + np.array(
         [at_depth(known[frame].pixel[None], each, views[frame])[0] for frame, each in zip(seen, depth, strict=True)]
     )
@@ -55,3 +63,16 @@ def _path(sights: Sequence[HandSight | None], views: Sequence[View]) -> np.ndarr
         eyes = np.array([views[frame].world_from_camera[:3, 3] for frame in seen])
         places = level_path(places, eyes, float(touched.grip[2]), PUSHING_DRIFT)
     return np.column_stack([np.interp(times, times[seen], places[:, axis]) for axis in range(3)])
+
+
+def _without_jumps(widths: np.ndarray, times: np.ndarray, first: int) -> np.ndarray:
+    """[V] pixels: widths in which jumps are left out, so that the width of view `first` stays."""
+    logs = np.log(widths)
+    steps = np.diff(logs)
+    is_jump = np.zeros(len(steps), bool)
+    for begin in range(len(steps)):
+        end = int(np.searchsorted(times, times[begin] + JUMP_S, side="right")) - 1
+        if abs(logs[end] - logs[begin]) > FASTEST * (times[end] - times[begin]):
+            is_jump[begin:end] = True
+    along = np.concatenate([[0.0], np.cumsum(np.where(is_jump, 0.0, steps))])
+    return np.asarray(np.exp(logs[first] + along - along[first]))

@@ -77,3 +77,24 @@ def test_a_width_that_jumps_for_one_view_is_left_out() -> None:
     sights[28] = {0: replace(sights[28][0], radius=0.9 * sights[28][0].radius)}
     off = np.linalg.norm(hand_paths(sights, VIEWS)[0] - smooth, axis=1)
     assert off.max() < 0.003
+
+
+def test_an_outline_that_grows_faster_than_a_hand_comes_nearer_is_another_outline() -> None:
+    sights = [{0: sight(frame)} for frame in range(40)]
+    grown = [
+        {0: replace(seen[0], radius=seen[0].radius * np.interp(frame, [25, 29], [1.0, 1.25]))}
+        for frame, seen in enumerate(sights)
+    ]
+    path, expected = hand_paths(grown, VIEWS)[0], hand_paths(sights, VIEWS)[0]
+    assert np.linalg.norm(path - expected, axis=1).max() < 0.012
+
+
+def test_a_hand_that_comes_nearer_fast_is_followed() -> None:
+    sights = [{0: sight(frame)} for frame in range(40)]
+    nearer = [
+        {0: replace(seen[0], radius=seen[0].radius * np.interp(frame, [20, 35], [1.0, 1.4]))}
+        for frame, seen in enumerate(sights)
+    ]
+    path, eyes = hand_paths(nearer, VIEWS)[0], np.array([view.world_from_camera[:3, 3] for view in VIEWS])
+    before = np.linalg.norm(hand_paths(sights, VIEWS)[0][-1] - eyes[-1])
+    assert np.linalg.norm(path[-1] - eyes[-1]) < before / 1.35

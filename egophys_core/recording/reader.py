@@ -89,7 +89,8 @@ def _storage_reader(path: Path) -> _StorageReader:
     if sqlite_file.MAGIC.startswith(start):
         return sqlite_file.read_sqlite
     raise RecordingError(
-        f"{path}: not a bag, it starts with {start[:8]!r}; give an .mcap or .db3 file or a rosbag2 folder"
+        f"{path}: not a bag, it starts with {start[:8]!r}; give an .mcap or .db3 file or a rosbag2 folder "
+        "(`egophys import` makes one from a film)"
     )
 
 

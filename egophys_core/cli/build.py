@@ -79,7 +79,7 @@ def run(parsed: argparse.Namespace) -> int:
     fitted = Scores(**twin.provenance.scores)
     first = observed[0]
     baselines = {} if first.is_sparse else baseline_scores(first.episode, first.contact)
-    scores, warning = {"twin": fitted, **baselines}, lost_to(fitted, baselines)
+    scores, warning = {"twin": fitted, **baselines}, lost_to(fitted, baselines, first.episode)
     if parsed.json:
         named = {name: each.as_dict() for name, each in scores.items()}
         perception = {name: dataclasses.asdict(each) for name, each in reports.items()}

@@ -32,7 +32,7 @@ def run(parsed: argparse.Namespace) -> int:
     problem = place_twin(twin, observed)
     scores = score(predict(twin.model, problem), twin.model.graph.surface, problem.episode)
     baselines = baseline_scores(observed.episode, observed.contact)
-    warning = lost_to(scores, baselines)
+    warning = lost_to(scores, baselines, observed.episode)
     if parsed.json:
         print_json(
             {

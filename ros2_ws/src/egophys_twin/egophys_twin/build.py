@@ -96,4 +96,5 @@ def run_build(
     save_twin(twin, request.output_path)
     first = observed[0]
     baselines = {} if first.is_sparse else baseline_scores(first.episode, first.contact)
-    return BuiltTwin(twin=twin, path=request.output_path, warning=lost_to(Scores(**twin.provenance.scores), baselines))
+    warning = lost_to(Scores(**twin.provenance.scores), baselines, first.episode)
+    return BuiltTwin(twin=twin, path=request.output_path, warning=warning)

@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from egophys_core.episode import Episode
 from egophys_core.evaluation.scores import Scores
 
@@ -21,8 +19,7 @@ def lost_to(twin: Scores, baselines: Mapping[str, Scores], episode: Episode) -> 
     found = (
         f"it is off by {1000 * twin.test_track_m:.1f} mm on the held-out frames, '{name}' by {1000 * better[name]:.1f}"
     )
-    at_first = np.isfinite(episode.points[0]).all(axis=1)
-    seen = float(np.isfinite(episode.points[episode.train_frames :, at_first]).all(axis=2).mean())
+    seen = episode.visible[episode.train_frames :, episode.visible[0]].mean()
     if seen < TELLING:
         return (
             f"whether this twin predicts better than no physics is not told: {found}, but only {seen:.0%} of the "

@@ -60,7 +60,7 @@ def above_table(places: np.ndarray, eyes: np.ndarray, ground: float) -> np.ndarr
         eyes: [T, 3] metres: where the camera is, above the table.
         ground: metres: height of the table.
     """
-    shares = np.where(places[:, 2] < ground, (eyes[:, 2] - ground) / (eyes[:, 2] - places[:, 2]), 1.0)
+    shares = (eyes[:, 2] - ground) / (eyes[:, 2] - np.minimum(places[:, 2], ground))
     return np.asarray(eyes + shares[:, None] * (places - eyes))
 
 

@@ -79,22 +79,20 @@ def test_a_width_that_jumps_for_one_view_is_left_out() -> None:
     assert off.max() < 0.003
 
 
+def grown(sights: list[dict[int, HandSight]], views: list[int], factor: float) -> list[dict[int, HandSight]]:
+    """The same, with a width that grows by a factor from one view to another."""
+    by = np.interp(range(len(sights)), views, [1.0, factor])
+    return [{0: replace(seen[0], radius=seen[0].radius * each)} for seen, each in zip(sights, by, strict=True)]
+
+
 def test_an_outline_that_grows_faster_than_a_hand_comes_nearer_is_another_outline() -> None:
     sights = [{0: sight(frame)} for frame in range(40)]
-    grown = [
-        {0: replace(seen[0], radius=seen[0].radius * np.interp(frame, [25, 29], [1.0, 1.25]))}
-        for frame, seen in enumerate(sights)
-    ]
-    path, expected = hand_paths(grown, VIEWS)[0], hand_paths(sights, VIEWS)[0]
+    path, expected = hand_paths(grown(sights, [25, 29], 1.25), VIEWS)[0], hand_paths(sights, VIEWS)[0]
     assert np.linalg.norm(path - expected, axis=1).max() < 0.012
 
 
 def test_a_hand_that_comes_nearer_fast_is_followed() -> None:
     sights = [{0: sight(frame)} for frame in range(40)]
-    nearer = [
-        {0: replace(seen[0], radius=seen[0].radius * np.interp(frame, [20, 35], [1.0, 1.4]))}
-        for frame, seen in enumerate(sights)
-    ]
-    path, eyes = hand_paths(nearer, VIEWS)[0], np.array([view.world_from_camera[:3, 3] for view in VIEWS])
-    before = np.linalg.norm(hand_paths(sights, VIEWS)[0][-1] - eyes[-1])
-    assert np.linalg.norm(path[-1] - eyes[-1]) < before / 1.35
+    path, eye = hand_paths(grown(sights, [20, 35], 1.4), VIEWS)[0], VIEWS[-1].world_from_camera[:3, 3]
+    before = np.linalg.norm(hand_paths(sights, VIEWS)[0][-1] - eye)
+    assert np.linalg.norm(path[-1] - eye) < before / 1.35

@@ -43,8 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
     from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, Source, is_video, load_episodes
-    from egophys_core.evaluation import Scores, baseline_scores, lost_to
-    from egophys_core.identification import build
+    from egophys_core.identification import beside_baselines, build
     from egophys_core.observation import observe_episodes
     from egophys_core.twin import save_twin
 
@@ -76,10 +75,7 @@ def run(parsed: argparse.Namespace) -> int:
         return 130
     save_twin(twin, parsed.out)
     reports = {each.episode.name: each.report for each in loaded if each.report is not None}
-    fitted = Scores(**twin.provenance.scores)
-    first = observed[0]
-    baselines = {} if first.is_sparse else baseline_scores(first.episode, first.contact)
-    scores, warning = {"twin": fitted, **baselines}, lost_to(fitted, baselines, first.episode)
+    scores, warning = beside_baselines(twin, observed[0])
     if parsed.json:
         named = {name: each.as_dict() for name, each in scores.items()}
         perception = {name: dataclasses.asdict(each) for name, each in reports.items()}

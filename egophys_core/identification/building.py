@@ -9,12 +9,12 @@ import numpy as np
 from egophys_core import __version__
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError
-from egophys_core.evaluation import Scores, score
+from egophys_core.evaluation import Scores, baseline_scores, lost_to, score
 from egophys_core.identification.fit import Progress
 from egophys_core.identification.marker_fit import fit_markers
 from egophys_core.identification.options import FitOptions
 from egophys_core.identification.surface_fit import fit_surface
-from egophys_core.observation import AnyEpisode, FitProblem, observe_episodes, place_twin
+from egophys_core.observation import AnyEpisode, FitProblem, ObservedEpisode, observe_episodes, place_twin
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel, Provenance, Twin
 
@@ -102,6 +102,17 @@ def evaluate_twin(twin: Twin, episode: AnyEpisode) -> tuple[Scores, np.ndarray]:
     problem = place_twin(twin, episode)
     predicted = predict(twin.model, problem)
     return score(predicted, twin.model.graph.surface, problem.episode), predicted
+
+
+def beside_baselines(twin: Twin, observed: ObservedEpisode) -> tuple[dict[str, Scores], str]:
+    """Scores of a twin and of predictions without physics, by name, and what `lost_to` says of them.
+
+    Args:
+        observed: the first episode that the twin was fitted to. Of a few markers there are no such predictions.
+    """
+    fitted = Scores(**twin.provenance.scores)
+    baselines = {} if observed.is_sparse else baseline_scores(observed.episode, observed.contact)
+    return {"twin": fitted, **baselines}, lost_to(fitted, baselines, observed.episode)
 
 
 def episode_digest(episode: Episode) -> str:

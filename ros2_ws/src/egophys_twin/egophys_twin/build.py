@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, LoadedEpisode, is_video
-from egophys_core.evaluation import Scores, baseline_scores, lost_to
 from egophys_core.files import require_writable
-from egophys_core.identification import FitOptions, Progress, build
+from egophys_core.identification import FitOptions, Progress, beside_baselines, build
 from egophys_core.observation import observe_episodes
 from egophys_core.recording import list_topics
 from egophys_core.twin import Twin, save_twin
@@ -94,7 +93,5 @@ def run_build(
     )
     progress("save", 1.0, NOT_KNOWN)
     save_twin(twin, request.output_path)
-    first = observed[0]
-    baselines = {} if first.is_sparse else baseline_scores(first.episode, first.contact)
-    warning = lost_to(Scores(**twin.provenance.scores), baselines, first.episode)
+    _, warning = beside_baselines(twin, observed[0])
     return BuiltTwin(twin=twin, path=request.output_path, warning=warning)

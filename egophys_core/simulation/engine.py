@@ -38,8 +38,8 @@ from egophys_core.simulation.terms.presses import PressArrays
 from egophys_core.simulation.terms.rod_bending import rod_arrays
 from egophys_core.simulation.terms.springs import SpringArrays
 
-MOST_SUBSTEPS = 5000
-"""A frame that needs more is refused: the stiffness or damping is out of any physical range."""
+MOST_SUBSTEPS_PER_SECOND = 500_000
+"""A rollout that needs more is refused: the stiffness or damping is out of any physical range."""
 
 FASTEST_HAND = 20.0
 """m/s. A controller faster than this is no hand but a fault of the recording."""
@@ -128,7 +128,7 @@ class Engine:
         """From the times of frame to those of frame + 1.
 
         Raises:
-            SimulationError: a rollout would need more than `MOST_SUBSTEPS` substeps a frame.
+            SimulationError: a rollout would need more than `MOST_SUBSTEPS_PER_SECOND` substeps a second.
         """
         segment = self._segment(frame)
         if self.effect_rates.follows:
@@ -293,11 +293,12 @@ class Engine:
                 for duration, rate in zip(durations, rates, strict=True)
             ]
         )
-        if substeps.max() > MOST_SUBSTEPS:
-            row = int(substeps.argmax())
+        per_second = substeps / durations
+        if per_second.max() > MOST_SUBSTEPS_PER_SECOND:
+            row = int(per_second.argmax())
             raise SimulationError(
-                f"rollout {row} needs {substeps[row]} substeps for a frame of {durations[row]:.4f} s, at most "
-                f"{MOST_SUBSTEPS}: stiffness {self.batch.parameters[row].stiffness:g} N/m or damping "
+                f"rollout {row} needs {per_second[row]:.0f} substeps a second, at most "
+                f"{MOST_SUBSTEPS_PER_SECOND}: stiffness {self.batch.parameters[row].stiffness:g} N/m or damping "
                 f"{self.batch.parameters[row].damping:g} N s/m is too large for nodes of "
                 f"{self.batch.masses[row].min():g} kg; lower it or its bound"
             )

@@ -61,7 +61,7 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
         device: a Warp device, "cpu" or "cuda:0".
 
     Raises:
-        SimulationError: a rollout would need more than `MOST_SUBSTEPS` substeps a frame.
+        SimulationError: a rollout would need more than `MOST_SUBSTEPS_PER_SECOND` substeps a second.
     """
     if not wp.get_device(device).is_cpu:
         return in_frames(_run(batch, longest_substep, device), batch.frames)

@@ -16,6 +16,16 @@ def values_at(times: ArrayLike, record: ArrayLike, at: ArrayLike) -> np.ndarray:
     return np.stack(found, axis=-1).reshape(*np.shape(at), *values.shape[1:])
 
 
+def moved_earlier(times: np.ndarray, tracks: np.ndarray, delay: float) -> np.ndarray:
+    """Tracks [T, N, 3] at their times [T] plus a delay in seconds; NaN beyond their ends and beside unseen ones."""
+    at = times + delay
+    before = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    share = ((at - times[before]) / (times[before + 1] - times[before]))[:, None, None]
+    found = (1.0 - share) * tracks[before] + share * tracks[before + 1]
+    found[(at < times[0]) | (at > times[-1])] = np.nan
+    return found
+
+
 class PosesOverTime:
     """Poses at increasing times; before and after them the first and the last."""
 

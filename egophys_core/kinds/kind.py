@@ -34,6 +34,8 @@ class RestShape:
     spacing: float
     """Median distance of a surface node to its fourth-nearest other one, metres: a grid's spacing, whether
     the points are a grid or strewn at random."""
+    lies: bool = True
+    """Whether it lies on the table, or hangs in hands."""
     grasp_radius: float = FIST_RADIUS
     """Metres around each point of a hand within which it holds."""
 

@@ -23,6 +23,9 @@ NAME = "sheet"
 FLATNESS = 0.12
 """Smallest over second largest spread; a sheet lies below this, a toy above."""
 
+HALF_THICKNESS = 0.001
+"""Metres from the middle of a sheet to its skin, of one that hangs: one that lies shows it by its height."""
+
 MOST_DAMPING = 5.0
 """Dashpot over node mass, 1/s: bending springs have 20 times that."""
 
@@ -78,7 +81,8 @@ def model_of(shape: RestShape, value: Mapping[str, float], ground_height: float)
     """The model at searched values."""
     own = {name: value[name] for name in AS_SEARCHED}
     own["collision_distance"] = value["collision_distance"] * shape.spacing
-    return spring_model(shape, value, own, bends=True, rests_at=resting_height(shape.positions) - ground_height)
+    rests_at = resting_height(shape.positions) - ground_height if shape.lies else HALF_THICKNESS
+    return spring_model(shape, value, own, bends=True, rests_at=rests_at)
 
 
 def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:

@@ -59,7 +59,10 @@ def model_of(shape: RestShape, value: Mapping[str, float], ground_height: float)
     own = {name: value[name] for name in ("drag", "collision_friction")}
     own |= {"strain_limit": 1e6, "ground_projection": 0.0}
     value = {**value, "object_radius": RADIUS, "object_neighbours": NEIGHBOURS}
-    model = spring_model(shape, value, own, bends=False, rests_at=resting_height(shape.positions) - ground_height)
+    rests_at = resting_height(shape.positions) - ground_height if shape.lies else 0.0
+    model = spring_model(shape, value, own, bends=False, rests_at=rests_at)
+    if not shape.lies:
+        return model
     compliance = 1.0 / model.parameters.stiffness
     elongation = compliance * _elongation(model.graph.positions.tobytes(), model.graph.springs.tobytes())
     return replace(model, graph=with_elongation(model.graph, elongation))

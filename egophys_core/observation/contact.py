@@ -9,32 +9,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.episode import Episode
-from egophys_core.observation.hand_scene import HandScene, look_at_hand, observed_delay
+from egophys_core.observation.delay import Following, following
+from egophys_core.observation.hand_scene import HandScene, look_at_hand
 from egophys_core.simulation import ContactKind
 
 HAND_GAP = 0.15
 """Metres: controller points that never come this near to each other belong to different hands."""
 
-MOVED = 0.005
-"""Metres that points come along with a hand before it has contact; less is noise."""
+MOVED = 0.5
+"""Steps (`HandScene.step_m`, 10 mm or more) that points come along with a hand before it has contact; less is noise."""
 
-LOST = 0.02
-"""Metres that a hand moves without the points it held, or they without it, before it has let go."""
+LOST = 2.0
+"""Steps that a hand moves without the points it held, or they without it, before it has let go."""
 
-PULLED = 0.03
-"""Metres: a hand that draws points this far that are not ahead of it holds them. A squeezed toy springs back less."""
+PULLED = 3.0
+"""Steps: a hand that draws points this far that are not ahead of it holds them. A squeezed toy springs back less."""
 
 AHEAD = 0.2
 """Mean cosine between the hand's displacement and the directions to points: above it they are ahead, may be pushed."""
 
-STILL = 0.04
-"""m/s: a hand that moves no faster than this against the points near it has arrived, or slips without letting go."""
-
-SETTLED = 0.006
-"""Metres: a hand no farther than this from where it held has arrived, or not yet left. Soft objects give that much."""
-
-PATIENCE_S = 0.1
-"""Noise and hidden points may make a hand that stays look as if it moved away, but not for longer than this."""
+SETTLED, SETTLED_NOISES = 0.006, 3.0
+"""Metres, and over the noise of points near it: a hand no farther than this from where it held has arrived, or not yet
+left. Soft objects give that much."""
 
 TOUCHED = 0.2
 """Part of the hand's displacement by which points of a soft object come along when the hand begins to move them."""
@@ -75,23 +71,44 @@ class Hand:
         return self.contacts[0].first
 
 
-def find_hands(episode: Episode) -> list[Hand]:
-    """The hands of an episode and their contacts, in order of their first controller.
+@dataclass(frozen=True, kw_only=True)
+class SeenHands:
+    """The hands of an episode, and how late its points follow them."""
+
+    hands: tuple[Hand, ...]
+    """In order of their first controller."""
+    delay: float
+    """Seconds by which points are recorded later than hands, in whose time contacts are; 0 where that is not told."""
+
+
+def find_hands(episode: Episode) -> tuple[Hand, ...]:
+    """The hands of an episode and their contacts, in order of their first controller."""
+    return see_hands(episode).hands
+
+
+def see_hands(episode: Episode) -> SeenHands:
+    """The hands of an episode, and how late its points are.
 
     A contact is found by what it does: points near the hand come along with it. A hand that rests on the
     object and moves nothing has none.
     """
     groups = _group(episode.controllers)
-    scenes = [look_at_hand(episode, members) for members in groups]
-    hands = _in_scenes(groups, scenes)
-    holds = contact_flags(episode, hands) == ContactKind.HOLD
-    delay = observed_delay(scenes, [holds[:, members[0]] for members in groups])
-    return _in_scenes(groups, [look_at_hand(episode, members, delay=delay) for members in groups]) if delay else hands
+    followed = following(episode, groups)
+    seen = _with_delay(episode, groups, followed, followed.delay)
+    if seen.delay and not any(each.kind == ContactKind.HOLD for hand in seen.hands for each in hand.contacts):
+        # A press does not tell: an object that follows late has not been told from one that is touched late.
+        return _with_delay(episode, groups, followed, 0.0)
+    return seen
 
 
-def _in_scenes(groups: Sequence[np.ndarray], scenes: Sequence[HandScene]) -> list[Hand]:
+def _with_delay(episode: Episode, groups: Sequence[np.ndarray], followed: Following, delay: float) -> SeenHands:
+    scenes = [
+        look_at_hand(episode, members, delay=delay, noise=noise)
+        for members, noise in zip(groups, followed.noise.tolist(), strict=True)
+    ]
     pairs = zip(groups, scenes, strict=True)
-    return [Hand(controllers=members, contacts=_find_contacts(scene)) for members, scene in pairs]
+    hands = tuple(Hand(controllers=members, contacts=_find_contacts(scene)) for members, scene in pairs)
+    return SeenHands(hands=hands, delay=delay)
 
 
 def contact_flags(episode: Episode, hands: Sequence[Hand]) -> np.ndarray:
@@ -124,9 +141,9 @@ def _find_contacts(scene: HandScene) -> tuple[Contact, ...]:
         held = scene.near_around(onset.first)
         let_go, pulled = _follow(scene, onset.first, held)
         # Whatever a hand can push it can also hold; what it draws it cannot push.
-        if pulled > PULLED:
+        if pulled > PULLED * scene.step_m:
             kind, last = ContactKind.HOLD, let_go
-        elif onset.pushed > 0.5 * MOVED:
+        elif onset.pushed > 0.5 * MOVED * scene.step_m:
             kind, last = ContactKind.PRESS, _separation(scene, onset)
         else:
             # The object moves by itself, as one that rocks does, and a hand happens to move the same way.
@@ -135,7 +152,7 @@ def _find_contacts(scene: HandScene) -> tuple[Contact, ...]:
         first = _touch(scene, onset, start)
         if kind == ContactKind.HOLD:
             # Who takes hold has arrived; a soft object may lag behind a hand that holds it, so this may be before.
-            still = (frame for frame in range(first, onset.first) if _slip(scene, frame, held) <= STILL)
+            still = (frame for frame in range(first, onset.first) if _slip(scene, frame, held) <= scene.still)
             first = next(still, onset.first)
         first = _still_there(scene, held, first, start)
         contacts.append(Contact(first=first, last=last, kind=kind))
@@ -167,7 +184,7 @@ def _next_onset(scene: HandScene, start: int) -> _Onset | None:
         pushed += gain if along and along.ahead > AHEAD else 0.0
         if moved <= 0:
             first, moved, pushed = frame + 1, 0.0, 0.0
-        if moved > MOVED:
+        if moved > MOVED * scene.step_m:
             return _Onset(first=first, sure=frame, pushed=pushed)
     return None
 
@@ -175,6 +192,7 @@ def _next_onset(scene: HandScene, start: int) -> _Onset | None:
 def _follow(scene: HandScene, first: int, held: np.ndarray) -> tuple[int, float]:
     """Last frame in which the points `held` [N] go with the hand, and the metres that it drew them without pushing."""
     together, most, last, pulled = 0.0, 0.0, first, 0.0
+    drifts = scene.drifts(held, first)
     for frame in range(first, scene.frames):
         along = scene.along(frame, held)
         if along:
@@ -183,10 +201,12 @@ def _follow(scene: HandScene, first: int, held: np.ndarray) -> tuple[int, float]
         speed, against = scene.speeds(frame, held)
         if against is not None:
             # What a hand drops leaves it although it stands still; what slips through it creeps.
-            together -= scene.seconds[frame] * max(0.0, against - max(STILL, speed))
+            together -= scene.seconds[frame] * max(0.0, against - max(scene.still, speed))
         if together >= most:
             most, last = together, frame
-        if together < most - LOST:
+        # What swings or is stamped wrongly comes back: hand and points must have parted as far as they lost each other.
+        parted = float(np.linalg.norm(drifts[frame] - drifts[last]))
+        if min(most - together, parted) > LOST * scene.step_m:
             return _still_there(scene, held, last, scene.frames - 1), pulled
     return scene.frames - 1, pulled
 
@@ -207,7 +227,7 @@ def _separation(scene: HandScene, onset: _Onset) -> int:
     touching = float(np.median(scene.gap[onset.first : onset.sure + 1]))
     apart = scene.gap > touching + SEPARATED
     for frame in range(onset.sure + 1, scene.frames):
-        soon = int(np.searchsorted(scene.times, scene.times[frame] + PATIENCE_S))
+        soon = int(np.searchsorted(scene.times, scene.times[frame] + scene.patience))
         if apart[frame : soon + 1].all():
             return frame - 1
     return scene.frames - 1
@@ -227,9 +247,15 @@ def _still_there(scene: HandScene, held: np.ndarray, frame: int, end: int) -> in
     """
     farthest = frame
     direction = 1 if end > frame else -1
+    drifts = scene.drifts(held, frame)
+    settled = max(SETTLED, SETTLED_NOISES * scene.noise)
+    stays = np.linalg.norm(drifts - drifts[frame], axis=1) <= settled
     for other in range(frame + direction, end + direction, direction):
-        if _slip(scene, other, held) <= STILL and scene.drift(other, frame, held) <= SETTLED:
+        if stays[other] and _slip(scene, other, held) <= scene.still:
             farthest = other
-        elif scene.speeds(other, held)[1] is not None and abs(scene.times[other] - scene.times[farthest]) > PATIENCE_S:
-            break
-    return farthest
+        elif scene.speeds(other, held)[1] is None:
+            continue
+        elif abs(scene.times[other] - scene.times[farthest]) > scene.patience:
+            return farthest
+    # What nothing contradicts up to the first or last frames is so in them.
+    return end if abs(scene.times[end] - scene.times[farthest]) <= scene.patience else farthest

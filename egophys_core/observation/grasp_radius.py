@@ -6,7 +6,7 @@ import numpy as np
 
 from egophys_core.geometry import rigid_fit
 from egophys_core.kinds.kind import FIST_RADIUS
-from egophys_core.observation.contact import LOST, SETTLED, Contact, Hand
+from egophys_core.observation.contact import Contact, Hand
 from egophys_core.observation.observed import ObservedEpisode
 from egophys_core.simulation import ContactKind
 
@@ -15,6 +15,9 @@ LEAST, MOST = 0.02, 0.06
 
 CORE, FEWEST = 8, 3
 """Tracks nearest to a hand, by which what is held moves, and how many of them must be seen to tell it."""
+
+MOVED_AT_LEAST, KEPT = 0.02, 0.006
+"""Metres that a hand must have moved for a frame to tell, and by which what comes along may be off at least."""
 
 REST_FRAMES = 25
 """Most frames before a hold over which places are averaged."""
@@ -48,7 +51,7 @@ def _of_hold(observed: ObservedEpisode, hand: Hand, contact: Contact) -> float |
     tracks, rest, distance = tracks[order], rest[order], distance[order]
     offsets = []
     for frame in range(first + 1, min(contact.last + 1, episode.train_frames)):
-        if np.linalg.norm(middle[frame] - middle[first]) < LOST:
+        if np.linalg.norm(middle[frame] - middle[first]) < MOVED_AT_LEAST:
             continue
         turn, _ = rigid_fit(fingers[first], fingers[frame])
         moved = episode.points[frame, tracks] - (rest - middle[first]) @ turn.T
@@ -59,7 +62,7 @@ def _of_hold(observed: ObservedEpisode, hand: Hand, contact: Contact) -> float |
         return None
     seen = np.isfinite(offsets).any(axis=0)
     off = np.nanmedian(np.array(offsets)[:, seen], axis=0)
-    comes_along = off <= max(SETTLED, 2.0 * float(np.median(off[:CORE])))
+    comes_along = off <= max(KEPT, 2.0 * float(np.median(off[:CORE])))
     # Where most that is nearer comes along, and most that is farther does not.
     last = int(np.argmax(np.cumsum(np.where(comes_along, 1, -1))))
     reaches = float(distance[seen][last])

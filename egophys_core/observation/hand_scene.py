@@ -1,30 +1,31 @@
 """HandScene: what one hand does, frame by frame, and what the object points near it do meanwhile."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.spatial import cKDTree
 
 from egophys_core.episode import Episode
+from egophys_core.interpolation import moved_earlier
 
 NEAR_HAND = 0.04
 """Metres: object points this near to one of a hand's points tell whether the object moves with the hand."""
 
-STEP = 0.01
-"""Metres of hand travel over which is asked whether points came along; several times the noise of their mean."""
+STEP, STEP_NOISES = 0.01, 3.0
+"""Metres of hand travel, at least, over which is asked whether points came along, and over the noise of their mean."""
+
+PATIENCE_S, PATIENCE_FRAMES = 0.1, 3
+"""Noise and hidden points may make a hand that stays look as if it moved away, but not for longer than these."""
 
 LONGEST_STEP_S = 0.5
 """A hand that needs longer than this for a step stands still, and then nothing tells whether points come along."""
 
+STILL = 0.04
+"""m/s: the least that counts as motion of a hand against points."""
+
 SPEED_WINDOW_S = 0.07
 """Time over which speeds are taken; the mean of ten points of 1.5 mm noise then has a noise of 0.015 m/s."""
-
-LARGEST_DELAY_S = 0.2
-"""Object points that lag more than this behind the hand are not late but slow."""
-
-DELAY_GAIN = 0.8
-"""Points count as late if, moved earlier, their residuals to the hand's motion are less than this share of before."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,14 +56,26 @@ class HandScene:
     """[T, N] bool: seen, and within `NEAR_HAND` of one of the hand's points."""
     gap: np.ndarray
     """[T] metres: mean distance of the hand's points to the nearest object point seen; as before if none is."""
+    noise: float
+    """Metres, of the mean of points near the hand between two frames."""
     step: np.ndarray
-    """[T, 2] frames around each in which the hand moves by `STEP`; farther apart where it is slower."""
+    """[T, 2] frames around each in which the hand moves by `step_m`; farther apart where it is slower."""
     travel: np.ndarray
     """[T] metres that the hand moves in one frame, from its step; 0 where it stands still."""
     seconds: np.ndarray
     """[T] seconds that one frame stands for."""
     speed_window: np.ndarray
     """[T, 2] frames `SPEED_WINDOW_S` apart around each."""
+
+    @property
+    def step_m(self) -> float:
+        """Metres of hand travel over which is asked whether points came along."""
+        return step_length(self.noise)
+
+    @property
+    def still(self) -> float:
+        """m/s: a hand that moves no faster than this against the points near it has arrived, or slips."""
+        return max(STILL, self.noise / SPEED_WINDOW_S)
 
     @property
     def frames(self) -> int:
@@ -102,30 +115,42 @@ class HandScene:
         moved = (self.points[after, seen] - self.points[before, seen]).mean(axis=0)
         return float(np.linalg.norm(step) / duration), float(np.linalg.norm(moved - step) / duration)
 
-    def drift(self, one: int, other: int, points: np.ndarray) -> float:
-        """Metres between the mean places of `points` [N] bool, as last seen, against the hand in two frames."""
-        moved = self.last_seen[other, points] - self.last_seen[one, points]
-        moved = moved[np.isfinite(moved).all(axis=1)]
-        step = self.hand[other] - self.hand[one]
-        return float(np.linalg.norm(moved.mean(axis=0) - step)) if len(moved) else float(np.linalg.norm(step))
+    def drifts(self, points: np.ndarray, since: int) -> np.ndarray:
+        """[T, 3] metres: how the mean of `points` [N] bool, as last seen, has moved against the hand since a frame.
+
+        It is the median over `patience`: single frames may be stamped wrongly, or have wrong points.
+        """
+        moved = self.last_seen[:, points] - self.last_seen[since, points]
+        known = np.isfinite(moved).all(axis=2)
+        mean = np.where(known[..., None], moved, 0.0).sum(axis=1) / np.maximum(known.sum(axis=1), 1)[:, None]
+        frames = 2 * int(self.patience / 2 / float(np.median(self.seconds))) + 1
+        return np.asarray(median_filter(mean - (self.hand - self.hand[since]), size=(frames, 1), mode="nearest"))
+
+    @property
+    def patience(self) -> float:
+        """Seconds for which noise and hidden points may make a hand that stays look as if it moved away."""
+        return max(PATIENCE_S, PATIENCE_FRAMES * float(np.median(self.seconds)))
 
     def _seen(self, points: np.ndarray, before: int, after: int) -> np.ndarray:
         return points & np.isfinite(self.points[[before, after]]).all(axis=(0, 2))
 
 
-def look_at_hand(episode: Episode, members: np.ndarray, *, delay: int = 0) -> HandScene:
+def look_at_hand(episode: Episode, members: np.ndarray, *, delay: float = 0.0, noise: float = 0.0) -> HandScene:
     """The scene of the hand with the controllers `members` [H].
 
     Args:
-        delay: frames by which the object points are recorded late; they are moved earlier by so many.
+        delay: seconds by which the object points are recorded late; they are moved earlier by that.
+        noise: metres, of the mean of points near the hand between two frames.
     """
     times = episode.times
     fingers = episode.controllers[:, members].astype(np.float64)
     hand = fingers.mean(axis=1)
-    points = np.full(episode.points.shape, np.nan)
-    points[: len(points) - delay] = episode.points[delay:]
+    points = episode.points.astype(np.float64)
+    if delay:
+        points = moved_earlier(times, points, delay)
     last_seen, near, gap = _nearness(fingers, points)
-    step = _steps(times, hand)
+    step_m = step_length(noise)
+    step = steps_of(times, hand, step_m)
     length = np.linalg.norm(hand[step[:, 1]] - hand[step[:, 0]], axis=1)
     seconds = np.gradient(times)
     return HandScene(
@@ -135,47 +160,12 @@ def look_at_hand(episode: Episode, members: np.ndarray, *, delay: int = 0) -> Ha
         last_seen=last_seen,
         near=near,
         gap=gap,
+        noise=noise,
         step=step,
-        travel=np.where(length < STEP, 0.0, length * seconds / (times[step[:, 1]] - times[step[:, 0]])),
+        travel=np.where(length < step_m, 0.0, length * seconds / (times[step[:, 1]] - times[step[:, 0]])),
         seconds=seconds,
         speed_window=_windows(len(times), max(1, round(SPEED_WINDOW_S / 2 / float(np.median(seconds))))),
     )
-
-
-def observed_delay(scenes: Sequence[HandScene], holding: Sequence[np.ndarray]) -> int:
-    """Frames by which the object points lag behind the hands that hold them; 0 where they do not.
-
-    Hands and points may be recorded with different delays; at 0.3 m/s 0.1 s makes 3 cm, which looks like
-    letting go.
-
-    Args:
-        holding: for each scene [T] bool, frames in which that hand seems to hold. A press does not tell: an object
-            that follows late has not been told from one that is touched late.
-    """
-    if not scenes:
-        return 0
-    longest = round(LARGEST_DELAY_S / float(np.median(scenes[0].seconds)))
-    pairs = zip(scenes, holding, strict=True)
-    residuals = np.sum([_delay_residuals(scene, np.flatnonzero(frames), longest) for scene, frames in pairs], axis=0)
-    best = int(np.argmin(residuals))
-    return best if residuals[best] < DELAY_GAIN * residuals[0] else 0
-
-
-def _delay_residuals(scene: HandScene, frames: np.ndarray, longest: int) -> np.ndarray:
-    """[longest + 1] metres: residuals of points near a hand to its motion, were they recorded so many frames late."""
-    late = np.arange(longest + 1)
-    residuals = np.zeros(longest + 1)
-    for frame in frames[scene.travel[frames] > 0]:
-        before, after = scene.step[frame]
-        if after + longest >= scene.frames:
-            break
-        moved = (scene.points[after + late] - scene.points[before + late])[:, scene.near_around(frame)]
-        seen = np.isfinite(moved).all(axis=2)
-        if seen.any(axis=1).all():
-            step = scene.hand[after] - scene.hand[before]
-            error = np.array([each[here].mean(axis=0) for each, here in zip(moved, seen, strict=True)]) - step
-            residuals += scene.travel[frame] * np.linalg.norm(error, axis=1) / np.linalg.norm(step)
-    return residuals
 
 
 def _nearness(fingers: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -192,11 +182,16 @@ def _nearness(fingers: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.n
     return last_seen, near, gap
 
 
-def _steps(times: np.ndarray, hand: np.ndarray) -> np.ndarray:
-    """`step` of a scene: the shortest window around each frame in which the hand moves by `STEP`."""
+def step_length(noise: float) -> float:
+    """Metres that a hand moves in a step, for points of so much noise in metres."""
+    return max(STEP, STEP_NOISES * noise)
+
+
+def steps_of(times: np.ndarray, hand: np.ndarray, step_m: float = STEP) -> np.ndarray:
+    """[T, 2]: the shortest window of frames around each in which a hand at [T, 3] metres moves by so much."""
     step = _windows(len(times), 1)
     for half in range(2, round(LONGEST_STEP_S / 2 / float(np.median(np.diff(times)))) + 1):
-        short = np.linalg.norm(hand[step[:, 1]] - hand[step[:, 0]], axis=1) < STEP
+        short = np.linalg.norm(hand[step[:, 1]] - hand[step[:, 0]], axis=1) < step_m
         step[short] = _windows(len(times), half)[short]
     return step
 

@@ -9,6 +9,7 @@ from egophys_core.errors import EpisodeError
 from egophys_core.kinds.kind import SeenMarkers
 from egophys_core.observation.clamps import clamp_groups, smoothed_clamps, stands_still
 from egophys_core.observation.first_motion import first_motion
+from egophys_core.observation.hanging import without_table
 
 MOST_MARKERS = 12
 """Tracks up to which an episode is one of markers: fewer than the patches of a seen surface."""
@@ -18,9 +19,6 @@ RELEASED_M = 0.004
 
 RELEASED_WITHIN = 0.1
 """Seconds after the start: what begins to move later was not held back at the start."""
-
-NO_TABLE = 10.0
-"""Metres below the lowest marker."""
 
 
 def is_sparse(episode: Episode) -> bool:
@@ -126,12 +124,11 @@ def _from_onset(episode: Episode, onset: Onset) -> Episode:
     # A frame that follows at once would be no frame: it takes the place of the moment.
     if len(times) > 2 and times[1] < 0.05 * times[2]:
         times, points, frames = np.delete(times, 1), np.delete(points, 1, axis=0), slice(onset.frame + 1, None)
-    return replace(
+    shown = replace(
         episode,
         times=times,
         points=points.astype(np.float32),
         confidence=episode.confidence[frames],
         controllers=episode.controllers[frames],
-        # What is clamped needs no table, and none is told: z = 0 may be the floor of the laboratory.
-        ground_height=float(np.nanmin(episode.points[..., 2])) - NO_TABLE,
     )
+    return without_table(shown)

@@ -10,7 +10,8 @@ from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.kinds.kind import SeenMarkers
 from egophys_core.observation.at_rest import observed_at_rest
 from egophys_core.observation.checks import require_fittable
-from egophys_core.observation.contact import Contact, Hand, contact_flags, find_hands
+from egophys_core.observation.contact import Contact, Hand, contact_flags, see_hands
+from egophys_core.observation.hanging import hangs_free, without_table
 from egophys_core.observation.marker_record import MOST_MARKERS, is_sparse, marker_record
 from egophys_core.simulation import ContactKind
 
@@ -31,6 +32,10 @@ class ObservedEpisode:
     """Frame of the first contact."""
     at_rest: np.ndarray
     """[P, 3] metres, the object before it is touched: mean positions of the points seen mostly then."""
+    delay: float = 0.0
+    """Seconds by which the points are recorded later than the hands that move them; 0 where that is not told."""
+    hangs: bool = False
+    """Whether hands hold it from the first frame on, and it never comes near the table: there is none in `episode`."""
     markers: SeenMarkers | None = None
     """What is seen at markers; None of what is seen all over its surface."""
     load: float = 0.0
@@ -90,10 +95,19 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
             f"a load is given for {episode.name}, which shows {episode.points.shape[1]} points; loads and templates "
             f"are for recordings of at most {MOST_MARKERS}: leave it out, or track fewer"
         )
-    hands = tuple(find_hands(episode))
-    touched, at_rest = observed_at_rest(episode, hands)
+    seen_hands = see_hands(episode)
+    touched, at_rest = observed_at_rest(episode, seen_hands)
+    hangs = hangs_free(episode, seen_hands.hands)
+    shown = without_table(episode) if hangs else episode
     return ObservedEpisode(
-        episode=episode, record=episode, source=episode, hands=hands, touched=touched, at_rest=at_rest
+        episode=shown,
+        record=shown,
+        source=episode,
+        hands=seen_hands.hands,
+        touched=touched,
+        at_rest=at_rest,
+        delay=seen_hands.delay,
+        hangs=hangs,
     )
 
 

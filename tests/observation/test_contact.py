@@ -8,6 +8,7 @@ import pytest
 
 from egophys_core.episode import Episode
 from egophys_core.observation import contact_flags, find_hands
+from egophys_core.observation.contact import see_hands
 from egophys_core.simulation import ContactKind
 from tests.identification.synthetic import ARRIVAL, FPS, episode_of, known_model, make_episode, sheet_episode, without
 from tests.simulation.scenes import sheet_positions
@@ -276,15 +277,28 @@ def test_object_that_slips_slowly_through_the_hand_is_held():
 
 
 @pytest.mark.parametrize("rate", [15.0, 30.0, 60.0])
-def test_points_recorded_a_tenth_of_a_second_late_do_not_move_the_hold(rate):
-    times = seconds(4.0, rate)
+@pytest.mark.parametrize("delay", [0.1, 0.4, 0.8])
+def test_points_recorded_late_do_not_move_the_hold(rate, delay):
+    times = seconds(5.0, rate)
     hand = path(
         times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.0, ABOVE + [0.1, 0, 0.2]), (2.6, ABOVE), (3.2, HOVER)
     )
-    displacement = carried(times, hand, (1.0, 4.0))
-    late = round(0.1 * rate)
+    displacement = carried(times, hand, (1.0, 5.0))
+    late = round(delay * rate)
     points = (ball() + displacement[:, None])[np.maximum(np.arange(len(times)) - late, 0)]
-    assert found(observed(times, points, fingers(hand))) == [[about(HOLD, 1.0, 4.0)]]
+    episode = observed(times, points, fingers(hand))
+    assert see_hands(episode).delay == pytest.approx(late / rate, abs=0.02)
+    # What came after the last frame of the hands' time is not seen.
+    assert found(episode) == [[about(HOLD, 1.0, 5.0)]]
+
+
+def test_pushed_object_that_follows_late_is_not_taken_for_points_recorded_late():
+    times = seconds(3.0)
+    hand = path(times, (0.5, BESIDE + [0.1, 0, 0]), (2.0, BESIDE - [0.1, 0, 0]))
+    displacement = np.minimum.accumulate(np.minimum(hand - BESIDE, 0.0), axis=0)
+    # It rolls on: its points go by half of the hand's way at first and overtake it later.
+    rolled = displacement * (0.5 + np.clip(times - 1.2, 0, 0.8))[:, None]
+    assert see_hands(observed(times, ball() + rolled[:, None], fingers(hand))).delay == 0.0
 
 
 def test_recording_that_starts_in_the_grasp_is_held_from_its_first_frame():
@@ -383,4 +397,4 @@ def test_hidden_points_and_frames_of_a_simulated_sheet_do_not_move_the_hold():
 def test_episode_without_controllers_has_no_hands():
     times = seconds(1.0)
     episode = episode_of(np.tile(ball(), (len(times), 1, 1)), np.zeros((len(times), 0, 3)), times)
-    assert find_hands(episode) == []
+    assert find_hands(episode) == ()

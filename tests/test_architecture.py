@@ -44,7 +44,7 @@ MAY_USE: dict[str, set[str]] = {
     "simulation": {"lanes", "kinds", "twin", "effects"},
     "kinds": {"twin", "effects"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
-    "identification": {"kinds", "observation", "twin", "simulation", "evaluation"},
+    "identification": {"effects", "kinds", "observation", "twin", "simulation", "evaluation"},
     "diagnosis": {
         "lanes",
         "effects",

@@ -21,7 +21,7 @@ EFFECT = Effect(
     summary="the record of the hands runs ahead of the record of the object",
     equation="c(t) = c_recorded(t - d)",
     source="Ljung, System Identification (1999), sec. 3.2: input delay",
-    parameters=(Parameter(name="delay", unit="s", low=-0.2, high=0.2, step=0.02, null=0.0),),
+    parameters=(Parameter(name="delay", unit="s", low=-1.0, high=1.0, step=0.02, null=0.0),),
     traits=Traits(
         confounders=("quadratic_drag", "viscoelasticity", "grasp_slip"),
         experiment="move the gripper alone, with a point tracked on it, and correlate its track with the record",

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from egophys_core.effects import TwinEffect
 from egophys_core.errors import OptionsError
 from egophys_core.identification.coarse import fit_coarse
 from egophys_core.identification.dense import fit_dense
@@ -14,7 +15,7 @@ from egophys_core.identification.options import FitOptions
 from egophys_core.kinds.rest_shape import rest_shape
 from egophys_core.observation import FitProblem, ObservedEpisode, prepare
 from egophys_core.observation.grasp_radius import grasp_radius
-from egophys_core.simulation import ContactKind
+from egophys_core.simulation import ContactKind, as_they_were
 
 SEARCH_SHARE, DENSE_SHARE = 0.6, 0.35
 """Parts of the progress bar that the search and the dense refinement take; without the latter the search has both."""
@@ -49,8 +50,10 @@ def fit_surface(
         max_nodes=options.max_nodes,
         kind=options.named_kind,
     )
-    shape = replace(shape, grasp_radius=grasp_radius(observed))
-    problems = [prepare(each, shape.positions, shape.surface, spacing=shape.spacing) for each in observed]
+    shape = replace(shape, grasp_radius=grasp_radius(observed), lies=not first.hangs)
+    recorded = [prepare(each, shape.positions, shape.surface, spacing=shape.spacing) for each in observed]
+    late = late_points(observed)
+    problems = [replace(each, controls=as_they_were(each.controls, late)) for each in recorded]
     search_share = SEARCH_SHARE if options.dense_steps else SEARCH_SHARE + DENSE_SHARE
     coarse = fit_coarse(
         problems,
@@ -67,12 +70,21 @@ def fit_surface(
         progress=lambda share, loss: progress("refine", SEARCH_SHARE + DENSE_SHARE * share, loss),
     )
     return Fit(
-        model=model,
-        grasp=first_grasp(problems[0]),
-        problem=problems[0],
+        model=replace(model, effects=late),
+        grasp=first_grasp(recorded[0]),
+        problem=recorded[0],
         loss=coarse.loss,
         settings=options.settings(at_markers=False),
     )
+
+
+def late_points(observed: Sequence[ObservedEpisode]) -> tuple[TwinEffect, ...]:
+    """That points are recorded later than hands, as an effect that the twin carries; nothing where that is not told.
+
+    Without it every number of the twin would make up for hands that seem to be elsewhere.
+    """
+    delay = float(np.median([each.delay for each in observed]))
+    return (TwinEffect(name="control_delay", values={"delay": delay}),) if delay else ()
 
 
 def first_grasp(problem: FitProblem) -> np.ndarray:

@@ -5,7 +5,7 @@ from egophys_core.simulation.batch import BatchEffect, Nudging, RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.effect_gradients import effect_gradients
 from egophys_core.simulation.frames import into_world
-from egophys_core.simulation.model_batch import batch_of_models, spring_order
+from egophys_core.simulation.model_batch import as_they_were, batch_of_models, spring_order
 from egophys_core.simulation.rollout import Rollout, filled_up, rollout
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "Nudging",
     "Rollout",
     "RolloutBatch",
+    "as_they_were",
     "batch_of_models",
     "effect_gradients",
     "filled_up",

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from egophys_core.effects import effect_named
+from egophys_core.effects import TwinEffect, effect_named
 from egophys_core.effects.effect import Body, Effect
 from egophys_core.errors import SimulationError
 from egophys_core.kinds import kind_of, node_masses, resting_height
@@ -88,7 +88,7 @@ def batch_of_models(
         parameters=tuple(
             replace(model.parameters, gravity=body.gravity) for model, body in zip(models, bodies, strict=True)
         ),
-        controls=tuple(_driven(model, each, dtype) for model, each in zip(models, controls, strict=True)),
+        controls=tuple(as_they_were(each, model.effects, dtype) for model, each in zip(models, controls, strict=True)),
         effects=_in_every_substep(models, bodies, dtype),
         rods=_bending(models, masses, np.stack(positions), controls),
         flat=kind.lies_flat,
@@ -183,9 +183,9 @@ def _frame(model: ObjectModel) -> np.ndarray:
     return frame
 
 
-def _driven(model: ObjectModel, controls: Controls, dtype: Precision) -> Controls:
-    """Controls as the effects of a model change them."""
-    for term in model.effects:
+def as_they_were(controls: Controls, effects: Sequence[TwinEffect], dtype: Precision = np.float32) -> Controls:
+    """Controls as effects change them: where, and when, the hands truly were."""
+    for term in effects:
         effect = effect_named(term.name)
         if effect.clock:
             controls = _read_at(controls, effect.clock(term.values, controls.times), dtype)

@@ -15,6 +15,7 @@ NAMES = (
     "quadratic_drag",
     "constant_body_force",
     "time_varying_body_force",
+    "added_mass",
     "gravity_scale",
     "gravity_tilt",
     "point_attraction",

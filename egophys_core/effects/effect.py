@@ -52,6 +52,8 @@ class Body:
     """[E] N s/m."""
     gravity: float
     """m/s^2, downward."""
+    added_mass: float
+    """Of the air that a thin object carries along its normal, over its own mass."""
     begins: float
     """Seconds since the start of the episode at which the rollout begins."""
 

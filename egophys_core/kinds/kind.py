@@ -233,6 +233,9 @@ class Kind:
     """The numbers that a diagnosis fits anew."""
     faces: Callable[[SpringGraph], np.ndarray]
     """[F, 3] int32: triangles of nodes that cover its surface, to draw it."""
+    across: Callable[[np.ndarray], np.ndarray] | None = None
+    """From nodes at rest [N, 3], metres, to the four across each of them, [N, 4] int32: its normal is (x_1 - x_0) x
+    (x_3 - x_2). None for what is not thin."""
     from_surface: FromSurface | None = None
     from_markers: FromMarkers | None = None
     node_masses: Callable[[SpringGraph, float], np.ndarray] = equal_masses

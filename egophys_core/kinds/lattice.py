@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from egophys_core.effects.traits import Need
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import rigid_fit
 from egophys_core.kinds.clamped import OVERDAMPED, SOME_DRAG, clamped_parameters
@@ -295,4 +296,5 @@ KIND = Kind(
     static_deflection_is_evidence=False,
     fitted=fitted_parameters,
     faces=lambda graph: faces_of_body(graph.positions),
+    cannot_tell=frozenset({Need.SHEET}),
 )

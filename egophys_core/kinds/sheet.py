@@ -15,7 +15,7 @@ from egophys_core.kinds.spring_body import (
     spring_variants,
     stiffness_of_springs,
 )
-from egophys_core.kinds.surface_faces import faces_of_sheet
+from egophys_core.kinds.surface_faces import faces_of_sheet, nodes_across
 from egophys_core.twin import ObjectModel, SpringKind
 
 NAME = "sheet"
@@ -109,4 +109,5 @@ KIND = Kind(
     otherwise_at_rest=wrinkling,
     variants=lambda model: spring_variants(model, SIZES),
     faces=lambda graph: faces_of_sheet(graph.positions),
+    across=nodes_across,
 )

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from egophys_core.effects.traits import Need
 from egophys_core.kinds.kind import FittedParameter, FromSurface, Kind, RestShape, Searched, equal_masses
 from egophys_core.kinds.kind import height_of_foot as resting_height
 from egophys_core.kinds.spring_body import (
@@ -99,6 +100,7 @@ KIND = Kind(
     name=NAME,
     from_surface=FromSurface(recognises=anything, searched=SEARCHED, model=model_of, inside=inside_of),
     static_deflection_is_evidence=False,
+    cannot_tell=frozenset({Need.SHEET}),
     fitted=fitted_parameters,
     otherwise_at_rest=lambda model: [carrying_itself(model)],
     variants=lambda model: [carrying_itself(each) for each in spring_variants(model, SIZES)],

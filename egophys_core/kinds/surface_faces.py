@@ -9,6 +9,9 @@ LONGEST_EDGE = 2.5
 OFF_GRID = 1e-3
 """Times the spacing by which nodes are moved, to say which are neighbours."""
 
+MOST_NEIGHBOURS = 13
+"""Of a node, among which those across it are."""
+
 FEWEST = 4
 """Nodes of a body."""
 
@@ -25,6 +28,24 @@ def faces_of_sheet(positions: np.ndarray) -> np.ndarray:
     except (QhullError, ValueError):
         return np.zeros((0, 3), np.int32)
     return np.asarray(triangles[_near(positions, triangles)], np.int32)
+
+
+def nodes_across(positions: np.ndarray) -> np.ndarray:
+    """[N, 4] int32: for each node [N, 3] of a sheet its neighbours behind and ahead of it along two axes of the plane
+    that the nodes lie nearest to; itself where the sheet ends."""
+    centred = positions.astype(np.float64) - positions.mean(axis=0)
+    flat = centred @ np.linalg.svd(centred, full_matrices=False)[2][:2].T
+    near = cKDTree(flat).query(flat, k=min(MOST_NEIGHBOURS, len(flat)))[1]
+    steps = flat[near] - flat[:, None]
+    lengths = np.maximum(np.linalg.norm(steps, axis=2), 1e-12)
+    found = []
+    for direction in np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]]):
+        along = steps @ direction
+        # The nearest of those that lie more along the axis than beside it.
+        reach = np.where(along > lengths / np.sqrt(2.0) - 1e-9, lengths, np.inf)
+        reach[:, 0] = np.where(np.isinf(reach[:, 1:]).all(axis=1), 0.0, np.inf)
+        found.append(near[np.arange(len(near)), reach.argmin(axis=1)])
+    return np.stack(found, axis=1).astype(np.int32)
 
 
 def faces_of_body(positions: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ class StateArrays:
 
 @wp.struct
 class ParameterArrays:
-    """Numbers per rollout; all [G] but the masses and their inverses."""
+    """Numbers per rollout; all [G] but the masses and their inverses, and what all rollouts share."""
 
     masses: wp.array2d(dtype=Lanes)
     """[G, N] kg."""
@@ -32,6 +32,10 @@ class ParameterArrays:
     """m/s^2, downward."""
     drag: wp.array(dtype=Lanes)
     """1/s."""
+    added_mass: wp.array(dtype=Lanes)
+    """Mass of the air that a thin object carries along its normal, over its own."""
+    across: wp.array2d(dtype=int)
+    """[N, 4] nodes across each node of a thin object; [0, 4] where nothing carries air."""
     compression_ratio: wp.array(dtype=Lanes)
     restitution: wp.array(dtype=Lanes)
     friction: wp.array(dtype=Lanes)

@@ -1,7 +1,7 @@
 """RolloutBatch: everything K rollouts need, with graphs and parameters of their own."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -91,6 +91,9 @@ class RolloutBatch:
     """World z of the table, metres."""
     effects: tuple[BatchEffect, ...] = ()
     """What acts in every substep beyond the base simulator, no effect twice."""
+    across: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+    """[N, 4] int32: nodes across each node of thin objects, whose normal is (x_1 - x_0) x (x_3 - x_2) there; [0, 4]
+    where no rollout has added mass."""
     rods: Rods | None = None
     """What resists bending, if the objects are rods."""
     nudging: Nudging | None = None

@@ -27,6 +27,7 @@ MOTION_NAMES = ("start_positions", "end_positions", "start_velocities", "end_vel
 PARAMETER_NAMES = (
     "gravity",
     "drag",
+    "added_mass",
     "compression_ratio",
     "restitution",
     "friction",
@@ -114,6 +115,7 @@ def parameter_arrays(batch: RolloutBatch, device: str, *, requires_grad: bool = 
         setattr(arrays, name, lanes_array(values, device, requires_grad=requires_grad))
     heights = np.array([batch.ground_height + each.contact_radius for each in batch.parameters], np.float32)
     arrays.contact_height = lanes_array(heights, device, requires_grad=requires_grad)
+    arrays.across = wp.array(batch.across, dtype=int, device=device)
     return arrays
 
 

@@ -17,6 +17,9 @@ from egophys_core.simulation.gradients import Gradient
 from egophys_core.simulation.model_batch import batch_of_models
 from egophys_core.twin import ObjectModel
 
+ADAPTED = ("gravity", "added_mass")
+"""Parameters that effects change."""
+
 SHARE = 1e-5
 """Of a parameter's step, by which it is changed."""
 
@@ -84,7 +87,8 @@ def _along(gradient: Gradient, row: int, batch: RolloutBatch, at: int) -> float:
         for name in (*SPRING_NAMES, "masses", "positions", "velocities")
     )
     total += float((gradient.controls[row] * batch.controls[at].positions).sum())
-    total += float(gradient.parameters["gravity"][row]) * batch.parameters[at].gravity
+    for name in ADAPTED:
+        total += float(gradient.parameters[name][row]) * getattr(batch.parameters[at], name)
     if batch.effects:
         total += float(gradient.effects[row] @ np.concatenate([each.numbers[at] for each in batch.effects]))
     if batch.frames is not None:

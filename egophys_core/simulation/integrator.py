@@ -4,6 +4,7 @@ import warp as wp
 
 from egophys_core.lanes import LANES, Lanes
 from egophys_core.lanes.state import FrameArrays, ParameterArrays, StateArrays
+from egophys_core.simulation.terms.carried_air import kick_with_air
 from egophys_core.simulation.terms.ground import collide, project_upward_force
 
 FASTEST = 1000.0
@@ -21,7 +22,8 @@ def kick(
     parameters: ParameterArrays,
     kicked: wp.array3d(dtype=Lanes),
 ):
-    """v + dt F / m of nodes first..last-1 into `kicked`, m/s; in the contact band F is projected first."""
+    """v + dt F / m of nodes first..last-1 into `kicked`, m/s, less what the air keeps; in the contact band F is
+    projected first."""
     positions = state.positions
     velocities = state.velocities
     inverse_masses = parameters.inverse_masses
@@ -32,9 +34,18 @@ def kick(
         rate = wp.cw_mul(dt, inverse_masses[group, node])
         height = positions[group, node, 2] - contact_height
         upward = project_upward_force(height, forces[group, node, 2], projection, threshold)
-        kicked[group, node, 0] = velocities[group, node, 0] + wp.cw_mul(rate, forces[group, node, 0])
-        kicked[group, node, 1] = velocities[group, node, 1] + wp.cw_mul(rate, forces[group, node, 1])
-        kicked[group, node, 2] = velocities[group, node, 2] + wp.cw_mul(rate, upward)
+        x, y, z = kick_with_air(
+            group,
+            node,
+            wp.cw_mul(rate, forces[group, node, 0]),
+            wp.cw_mul(rate, forces[group, node, 1]),
+            wp.cw_mul(rate, upward),
+            positions,
+            parameters,
+        )
+        kicked[group, node, 0] = velocities[group, node, 0] + x
+        kicked[group, node, 1] = velocities[group, node, 1] + y
+        kicked[group, node, 2] = velocities[group, node, 2] + z
 
 
 @wp.func

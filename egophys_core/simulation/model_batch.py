@@ -15,7 +15,7 @@ from egophys_core.simulation.frames import into_world, into_world_directions
 from egophys_core.simulation.terms.effects import LAW_NUMBERS
 from egophys_core.simulation.terms.rod_bending import rod_bending
 from egophys_core.simulation.terms.springs import UNLIMITED
-from egophys_core.twin import ObjectModel, SpringKind
+from egophys_core.twin import ObjectModel, PhysicalParameters, SpringKind
 
 Precision = type[np.float32] | type[np.float64]
 """Of a batch's arrays."""
@@ -75,6 +75,10 @@ def batch_of_models(
             model.parameters.strain_limit * model.graph.rest_lengths[structural]
         )
     masses = np.stack([body.masses for body in bodies]).astype(dtype)
+    parameters = tuple(
+        replace(model.parameters, gravity=body.gravity, added_mass=body.added_mass)
+        for model, body in zip(models, bodies, strict=True)
+    )
     return RolloutBatch(
         springs=np.stack([union // nodes, union % nodes], axis=1).astype(np.int32),
         stiffness=stiffness,
@@ -85,11 +89,10 @@ def batch_of_models(
         positions=np.stack(positions).astype(dtype),
         velocities=np.stack(speeds).astype(dtype),
         rest_positions=first.graph.positions,
-        parameters=tuple(
-            replace(model.parameters, gravity=body.gravity) for model, body in zip(models, bodies, strict=True)
-        ),
+        parameters=parameters,
         controls=tuple(as_they_were(each, model.effects, dtype) for model, each in zip(models, controls, strict=True)),
         effects=_in_every_substep(models, bodies, dtype),
+        across=_across(first, parameters),
         rods=_bending(models, masses, np.stack(positions), controls),
         flat=kind.lies_flat,
         ground_height=ground_height,
@@ -131,6 +134,14 @@ def _bending(
     return rod_bending(parameters, lengths, masses, starts, np.array(far_clamps))
 
 
+def _across(model: ObjectModel, parameters: Sequence[PhysicalParameters]) -> np.ndarray:
+    """[N, 4] int32: the nodes across each node of a thin object; [0, 4] where none of the rollouts carries air."""
+    across = kind_of(model).across
+    if across is None or not any(each.added_mass for each in parameters):
+        return np.zeros((0, 4), np.int32)
+    return across(model.graph.positions)
+
+
 def _holds(controls: Controls, place: np.ndarray) -> bool:
     """Whether a controller point holds a place [3], metres, from the start on."""
     holding = controls.positions[0, controls.contact[0] == ContactKind.HOLD]
@@ -162,6 +173,7 @@ def _body(model: ObjectModel, start: np.ndarray, controls: Controls) -> Body:
         stiffness=model.stiffness.astype(np.float64),
         damping=model.spring_damping.astype(np.float64),
         gravity=model.parameters.gravity,
+        added_mass=model.parameters.added_mass,
         begins=float(controls.times[0]),
     )
     for term in model.effects:

@@ -38,6 +38,8 @@ class PhysicalParameters:
     """Dashpot of a bending spring over that of a structural one."""
     drag: float = 0.0
     """Velocity decay against the world, 1/s: every node feels -drag * mass * velocity."""
+    added_mass: float = 0.0
+    """Of a sheet: mass of the air that it carries along its normal, over its own."""
     strain_limit: float = 0.5
     """Tensile strain beyond which a structural spring softens (paper, strain-limiting equation)."""
     compression_ratio: float = 1.0
@@ -88,9 +90,13 @@ class PhysicalParameters:
                 raise TwinError(f"{name} must be in 0..1, got {getattr(self, name)}")
 
 
+LATER = ("added_mass",)
+"""Parameters that came later: those of twins of before are 0, and no part of their ids."""
+
+
 def with_former_names(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters by the names that they had first."""
-    return {FORMER_NAMES.get(name, name): value for name, value in values.items()}
+    """Parameters by the names that they had first, without later ones that are 0."""
+    return {FORMER_NAMES.get(name, name): value for name, value in values.items() if value or name not in LATER}
 
 
 def with_present_names(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -22,6 +22,7 @@ def test_the_library_is_complete():
         "quadratic_drag",
         "constant_body_force",
         "time_varying_body_force",
+        "added_mass",
         "gravity_scale",
         "gravity_tilt",
         "point_attraction",
@@ -112,7 +113,7 @@ def test_away_from_its_null_an_effect_shows_but_for_those_of_sheets_alone(make):
     result.raise_on_failure()
     moved = np.abs(result.positions[1:] - result.positions[0]).max(axis=(1, 2, 3))
     silent = {name for name, distance in zip(NAMES, moved, strict=True) if distance < 1e-5}
-    assert silent == (set() if make is sheet else {"bending_damping"})
+    assert silent == (set() if make is sheet else {"added_mass", "bending_damping"})
 
 
 def test_an_unknown_effect_names_its_nearest():

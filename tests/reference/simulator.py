@@ -233,7 +233,10 @@ def simulate(
                         forces[node] += press_force(x[node] - hand[controller], slip, **numbers, **contact_numbers)
             for node, mass in enumerate(masses):
                 forces[node] += mass * (np.array([0.0, 0.0, -alpha.gravity]) - alpha.drag * v[node])
-                v[node] += dt * projected(forces[node], x[node, 2] - ground, alpha) / mass
+                inertia = mass * np.eye(3)
+                if len(batch.across):
+                    inertia += mass * alpha.added_mass * carrying(x[batch.across[node]])
+                v[node] += dt * np.linalg.solve(inertia, projected(forces[node], x[node, 2] - ground, alpha))
             if pairs:
                 _, v = self_collision.collide(
                     x, v, masses, pairs, restitution=alpha.collision_restitution, friction=alpha.collision_friction
@@ -244,6 +247,13 @@ def simulate(
             hand, hand_velocity = controller_motion(controls, frame, (substep + 1) / steps)
         frames.append(x.copy())
     return np.stack(frames)
+
+
+def carrying(across: np.ndarray) -> np.ndarray:
+    """[3, 3] n n^T of the normal between four nodes [4, 3] across one; 0 where they span no face."""
+    normal = np.cross(across[1] - across[0], across[3] - across[2])
+    size = np.linalg.norm(normal)
+    return np.outer(normal, normal) / size**2 if size > 0 else np.zeros((3, 3))
 
 
 def acting_laws(

@@ -20,6 +20,7 @@ STEPS = {
     "controller_damping": 1e-5,
     "gravity": 1e-4,
     "drag": 1e-4,
+    "added_mass": 1e-4,
     "compression_ratio": 1e-4,
     "restitution": 1e-5,
     "friction": 1e-5,

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from egophys_core.kinds.surface_faces import nodes_across
 from egophys_core.simulation import ContactKind, Controls, RolloutBatch
 from tests.simulation.effect_terms import gust_and_tether
 from tests.simulation.scenes import scene
@@ -61,7 +62,14 @@ def in_the_air(*, effects: bool = False) -> RolloutBatch:
         collision_friction=0.2,
         flat=False,
     )
-    return replace(batch, effects=gust_and_tether([[40.0, -60.0, 20.0, 0.0475]], [[1.5, 0.05]])) if effects else batch
+    if not effects:
+        return batch
+    return replace(
+        batch,
+        effects=gust_and_tether([[40.0, -60.0, 20.0, 0.0475]], [[1.5, 0.05]]),
+        parameters=tuple(replace(each, added_mass=0.8) for each in batch.parameters),
+        across=nodes_across(batch.rest_positions),
+    )
 
 
 def on_the_table() -> RolloutBatch:

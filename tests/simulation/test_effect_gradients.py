@@ -52,6 +52,7 @@ VALUES: dict[str, dict[str, float]] = {
     "strain_stiffening": {"coefficient": 20.0},
     "tension_compression_asymmetry": {"change": 0.4},
     "anisotropy": {"cosine": 0.3, "sine": -0.2},
+    "added_mass": {"ratio": 0.7},
     "bending_damping": {"factor": 1.7},
     "viscoelasticity": {"ratio": 0.6, "time": 0.04},
     "plasticity": {"flow": 12.0, "yield_strain": 0.03},

@@ -31,7 +31,7 @@ SCENES: dict[str, Callable[[], RolloutBatch]] = {
 }
 KINDS = {
     "in the air": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY, "collision_friction"),
-    "with effects": ("effects", "drag", "positions", "velocities"),
+    "with effects": ("effects", "added_mass", "drag", "masses", "stiffness", "positions", "velocities"),
     "on the table": (*SPRINGS, "compression_ratio", *HANDS, *STARTS, *BODY, *TABLE),
     "self-collision": (*SPRINGS[:3], *STARTS, "masses", "gravity", *COLLISION),
 }

@@ -106,7 +106,7 @@ def fit_coarse(
 def _strategy(shape: RestShape, options: FitOptions, seed: int) -> cma.CMAEvolutionStrategy:
     """CMA-ES at its start, with a random generator of its own."""
     generator = np.random.default_rng(seed)
-    start = [number.start_u for number in surface_model(kind_named(shape.kind)).searched]
+    start = [number.start_u for number in surface_model(kind_named(shape.kind)).numbers(shape)]
     # The usual 4 + 3 ln D (Hansen, "The CMA evolution strategy: a tutorial", 2016), and those that cost nothing more.
     usual = filled_up(4 + int(3 * np.log(len(start))))
     settings = {

@@ -82,7 +82,7 @@ def search_identity(
         "object at rest": _digest(shape),
         "seed": seed,
         **settings,
-        "searched numbers": _digest(surface_model(kind_named(shape.kind)).searched),
+        "searched numbers": _digest(surface_model(kind_named(shape.kind)).numbers(shape)),
         "code version": __version__,
     }
 

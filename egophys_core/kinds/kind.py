@@ -86,15 +86,21 @@ class FromSurface:
     recognises: Callable[[np.ndarray], bool]
     """Whether points at rest [P, 3], metres, look like one; of the kinds that say so the first of the list is taken."""
     searched: tuple[Searched, ...]
-    """The numbers of the coarse fit."""
+    """The numbers of the coarse fit of one that lies on a table."""
     model: Callable[[RestShape, Mapping[str, float], float], ObjectModel]
     """The model of a shape with searched numbers by name, over a table at a height in metres."""
+    searched_hanging: tuple[Searched, ...] | None = None
+    """Those of one that hangs; None for the same."""
     inside: Callable[[np.ndarray, float, float], np.ndarray] = no_inside
     """[I, 3] nodes that are not seen, of points [P, 3], their spacing and the table's height, metres."""
 
+    def numbers(self, shape: RestShape) -> tuple[Searched, ...]:
+        """The numbers of the coarse fit of a shape."""
+        return self.searched if shape.lies or self.searched_hanging is None else self.searched_hanging
+
     def candidate(self, shape: RestShape, coordinates: np.ndarray, *, ground_height: float) -> ObjectModel:
         """The model at normalised coordinates [D] in 0..1 of the searched numbers."""
-        numbers = zip(self.searched, coordinates, strict=True)
+        numbers = zip(self.numbers(shape), coordinates, strict=True)
         return self.model(shape, {number.name: number.value(u) for number, u in numbers}, ground_height)
 
 

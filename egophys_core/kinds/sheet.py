@@ -43,6 +43,16 @@ SEARCHED = (
     Searched(name="collision_friction", low=0.0, high=1.5, start=0.3),
 )
 
+OF_TABLE = {"restitution": 0.0, "friction": 0.5, "ground_projection": 0.0, "contact_threshold": 0.0}
+"""What acts on a table alone, and what it is where there is none."""
+
+SEARCHED_HANGING = (
+    *(each for each in SEARCHED if each.name not in OF_TABLE),
+    Searched(name="drag", low=0.01, high=5.0, start=0.3, logarithmic=True),
+    Searched(name="bending_damping_ratio", low=0.02, high=50.0, start=5.0, logarithmic=True),
+)
+"""What hangs swings in the air."""
+
 AS_SEARCHED = (
     "bending_ratio",
     "strain_limit",
@@ -50,8 +60,10 @@ AS_SEARCHED = (
     "contact_threshold",
     "collision_restitution",
     "collision_friction",
+    "drag",
+    "bending_damping_ratio",
 )
-"""Parameters that are searched as they are."""
+"""Parameters that are as they are searched, if they are."""
 
 SIZES = VariantSizes(
     object_radii=(1.5, 2.0, 2.5),
@@ -79,19 +91,22 @@ def resting_height(positions: np.ndarray) -> float:
 
 def model_of(shape: RestShape, value: Mapping[str, float], ground_height: float) -> ObjectModel:
     """The model at searched values."""
-    own = {name: value[name] for name in AS_SEARCHED}
+    value = {**OF_TABLE, **value}
+    own = {name: value[name] for name in AS_SEARCHED if name in value}
     own["collision_distance"] = value["collision_distance"] * shape.spacing
     rests_at = resting_height(shape.positions) - ground_height if shape.lies else HALF_THICKNESS
     return spring_model(shape, value, own, bends=True, rests_at=rests_at)
 
 
 def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:
-    """Its springs, how it bends and how it wrinkles."""
+    """Its springs, how it bends and how it wrinkles; of one that hangs its drag, too."""
     node_mass = model.parameters.total_mass / len(model.graph.positions)
+    in_air = (fitted("drag", 0.0, 20.0, 0.2, unit="1/s"),) if model.parameters.drag > 0.0 else ()
     return (
         *fitted_of_springs(model, most_damping=MOST_DAMPING),
         stiffness_of_springs("bending stiffness", SpringKind.BENDING, 1.0 * node_mass, 1e5 * node_mass),
         fitted("compression_ratio", 0.05, 1.0, 0.3, logarithmic=True),
+        *in_air,
     )
 
 
@@ -102,7 +117,9 @@ def wrinkling(model: ObjectModel) -> list[ObjectModel]:
 
 KIND = Kind(
     name=NAME,
-    from_surface=FromSurface(recognises=looks_flat, searched=SEARCHED, model=model_of),
+    from_surface=FromSurface(
+        recognises=looks_flat, searched=SEARCHED, searched_hanging=SEARCHED_HANGING, model=model_of
+    ),
     resting_height=resting_height,
     lies_flat=True,
     fitted=fitted_parameters,

@@ -1,26 +1,78 @@
 """The object before any hand moves it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from egophys_core.episode import Episode
+from egophys_core.interpolation import values_at
 from egophys_core.observation.contact import SeenHands
 
 HELD_STILL_M = 0.005
 """Metres: hands that hold from the first frame on and have moved no farther have not moved the object yet."""
 
+NEAR_M = 0.1
+"""Metres from a hand that holds within which tracks keep their distance to it, more or less."""
 
-def observed_at_rest(episode: Episode, seen: SeenHands) -> tuple[int, np.ndarray]:
-    """Frame of the first contact, and [P, 3] metres: where the points seen mostly before it are.
+AGREES_M = 0.004
+"""Metres by which frames that show the object in one way differ. Cameras that fit a mesh to a cloth anew in each frame
+shift all of it by a cell now and then."""
 
-    Before hands take hold it is their mean place. Of what is held from the first frame on it is their median until the
-    hands move, as the record of the points shows it.
+
+def first_touch(episode: Episode, seen: SeenHands) -> int:
+    """Frame of the first contact; the number of frames where there is none."""
+    return min((hand.first for hand in seen.hands if hand.touches), default=episode.frames)
+
+
+def still_frames(episode: Episode, seen: SeenHands) -> int:
+    """Frames, at least 1, before hands move the object: before they take hold, or, of what they hold from the first
+    frame on, before they are seen to move in the record of the points."""
+    touched = first_touch(episode, seen)
+    return max(_moving(episode, seen.delay) if touched == 0 else touched, 1)
+
+
+def observed_at_rest(episode: Episode, still: int) -> np.ndarray:
+    """[P, 3] metres: mean places of the points that are seen mostly in the first frames, which are still."""
+    points = episode.points[:still]
+    seen_mostly = np.isfinite(points).all(axis=2).mean(axis=0) >= 0.5
+    return np.asarray(np.nanmean(points[:, seen_mostly].astype(np.float64), axis=0))
+
+
+def from_rest(episode: Episode, still: int, delay: float) -> Episode:
+    """The episode of what is held from the first of its still frames on that shows it as the whole record does; places
+    in it are the medians of all still frames that do.
+
+    Tracks are told by where they are in the first frame, so that must not be a wrong one.
+
+    Args:
+        still: frames before hands move it.
+        delay: seconds by which points are recorded later than hands.
     """
-    touched = min((hand.first for hand in seen.hands if hand.touches), default=episode.frames)
-    moving = _moving(episode, seen.delay) if touched == 0 else touched
-    still = episode.points[: max(moving, 1)]
-    seen_mostly = np.isfinite(still).all(axis=2).mean(axis=0) >= 0.5
-    middle = np.nanmedian if touched == 0 else np.nanmean
-    return touched, np.asarray(middle(still[:, seen_mostly].astype(np.float64), axis=0))
+    off = _unusual(episode, delay)[:still]
+    usual = np.flatnonzero(off <= np.nanmin(off, initial=np.inf) + AGREES_M)
+    first = int(usual[0]) if len(usual) else 0
+    frames = slice(first, None)
+    points = episode.points[frames].copy()
+    if len(usual):
+        places = np.nanmedian(episode.points[usual], axis=0)
+        seen = np.isfinite(points[0])
+        points[0][seen] = places[seen]
+    return replace(
+        episode,
+        times=episode.times[frames] - episode.times[first],
+        points=points,
+        confidence=episode.confidence[frames],
+        controllers=episode.controllers[frames],
+    )
+
+
+def _unusual(episode: Episode, delay: float) -> np.ndarray:
+    """[T] metres: by how much distances of near tracks from the hands are not those of the whole record (medians)."""
+    hands = values_at(episode.times, episode.controllers, episode.times - delay)
+    away = np.linalg.norm(episode.points[:, :, None] - hands[:, None], axis=3)
+    usual = np.nanmedian(away, axis=0)
+    near = usual < NEAR_M
+    return np.asarray(np.nanmedian(np.abs(away - usual)[:, near], axis=1)) if near.any() else np.zeros(episode.frames)
 
 
 def _moving(episode: Episode, delay: float) -> int:

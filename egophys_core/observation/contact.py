@@ -79,6 +79,8 @@ class SeenHands:
     """In order of their first controller."""
     delay: float
     """Seconds by which points are recorded later than hands, in whose time contacts are; 0 where that is not told."""
+    noise: float
+    """Metres: what points near hands miss of how these move; 0 where none follow."""
 
 
 def find_hands(episode: Episode) -> tuple[Hand, ...]:
@@ -108,7 +110,7 @@ def _with_delay(episode: Episode, groups: Sequence[np.ndarray], followed: Follow
     ]
     pairs = zip(groups, scenes, strict=True)
     hands = tuple(Hand(controllers=members, contacts=_find_contacts(scene)) for members, scene in pairs)
-    return SeenHands(hands=hands, delay=delay)
+    return SeenHands(hands=hands, delay=delay, noise=float(followed.noise.max(initial=0.0)))
 
 
 def contact_flags(episode: Episode, hands: Sequence[Hand]) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.kinds.kind import SeenMarkers
-from egophys_core.observation.at_rest import observed_at_rest
+from egophys_core.observation.at_rest import first_touch, from_rest, observed_at_rest, still_frames
 from egophys_core.observation.checks import require_fittable
 from egophys_core.observation.contact import Contact, Hand, contact_flags, see_hands
 from egophys_core.observation.hanging import hangs_free, without_table
@@ -21,7 +21,8 @@ class ObservedEpisode:
     """An episode that was looked at: its surface, handled on a table, or markers on it, held in clamps."""
 
     episode: Episode
-    """What rollouts are compared with; of markers from where these can begin on, without a table."""
+    """What rollouts are compared with: of markers from where these can begin on, without a table, of what is held at
+    the start from where it is seen to rest on."""
     record: Episode
     """The whole handling; of markers from the first frame on that shows all of them."""
     source: Episode
@@ -30,10 +31,14 @@ class ObservedEpisode:
     """Who touches the object of `episode` when; clamps hold it all the time."""
     touched: int
     """Frame of the first contact."""
+    still: int = 1
+    """Frames before hands move the object, at least 1."""
     at_rest: np.ndarray
-    """[P, 3] metres, the object before it is touched: mean positions of the points seen mostly then."""
+    """[P, 3] metres, the object before hands move it: where the points are that are seen mostly then."""
     delay: float = 0.0
     """Seconds by which the points are recorded later than the hands that move them; 0 where that is not told."""
+    noise: float = 0.0
+    """Metres: what points near hands miss of how these move; 0 where none follow."""
     hangs: bool = False
     """Whether hands hold it from the first frame on, and it never comes near the table: there is none in `episode`."""
     markers: SeenMarkers | None = None
@@ -95,18 +100,24 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
             f"a load is given for {episode.name}, which shows {episode.points.shape[1]} points; loads and templates "
             f"are for recordings of at most {MOST_MARKERS}: leave it out, or track fewer"
         )
-    seen_hands = see_hands(episode)
-    touched, at_rest = observed_at_rest(episode, seen_hands)
-    hangs = hangs_free(episode, seen_hands.hands)
-    shown = without_table(episode) if hangs else episode
+    shown, seen_hands = episode, see_hands(episode)
+    if first_touch(episode, seen_hands) == 0:
+        shown = from_rest(episode, still_frames(episode, seen_hands), seen_hands.delay)
+        seen_hands = see_hands(shown)
+    hangs = hangs_free(shown, seen_hands.hands)
+    if hangs:
+        shown = without_table(shown)
+    still = still_frames(shown, seen_hands)
     return ObservedEpisode(
         episode=shown,
         record=shown,
         source=episode,
         hands=seen_hands.hands,
-        touched=touched,
-        at_rest=at_rest,
+        touched=first_touch(shown, seen_hands),
+        still=still,
+        at_rest=observed_at_rest(shown, still),
         delay=seen_hands.delay,
+        noise=seen_hands.noise,
         hangs=hangs,
     )
 

@@ -13,7 +13,7 @@ from egophys_core.identification.coarse import evaluate_candidates, fit_coarse
 from egophys_core.identification.loss import rollout_loss
 from egophys_core.kinds.rest_shape import rest_shape
 from egophys_core.observation import Contact, Hand, contact_flags, find_hands, prepare
-from egophys_core.observation.at_rest import observed_at_rest
+from egophys_core.observation.at_rest import observed_at_rest, still_frames
 from egophys_core.observation.contact import see_hands
 from egophys_core.options import to_mapping
 from egophys_core.simulation import ContactKind
@@ -70,7 +70,7 @@ def test_known_stiffness_is_recovered_to_a_low_error_on_held_out_frames():
 def test_search_lowers_the_loss_and_never_forgets_its_best():
     episode = make_episode(known_model(stiffness_rate=0.2, damping_rate=0.7))
     shape = rest_shape(
-        observed_at_rest(episode, see_hands(episode))[1],
+        observed_at_rest(episode, still_frames(episode, see_hands(episode))),
         name=episode.name,
         ground=episode.ground_height,
         max_nodes=400,

@@ -8,7 +8,7 @@ from egophys_core.effects.rotations import rotation
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
 from egophys_core.kinds.rest_shape import rest_shape
-from egophys_core.observation.at_rest import observed_at_rest
+from egophys_core.observation.at_rest import observed_at_rest, still_frames
 from egophys_core.observation.contact import see_hands
 from egophys_core.observation.registration import place, placed
 from egophys_core.simulation import batch_of_models, rollout
@@ -37,7 +37,7 @@ def at_rest(points: np.ndarray, frames: int = 12):
 
 def shape_of(episode, **options):
     return rest_shape(
-        observed_at_rest(episode, see_hands(episode))[1],
+        observed_at_rest(episode, still_frames(episode, see_hands(episode))),
         name=episode.name,
         ground=episode.ground_height,
         **{"max_nodes": 400, **options},
@@ -55,8 +55,9 @@ def test_noise_is_averaged_over_the_frames_before_contact():
     generator = np.random.default_rng(3)
     points = np.tile(sheet_positions(), (60, 1, 1))
     episode = episode_of(points + generator.normal(0, 2e-3, points.shape), np.tile([[0, 0, 0.5]], (60, 1, 1)))
-    touched, mean = observed_at_rest(episode, see_hands(episode))
-    assert touched == 60
+    still = still_frames(episode, see_hands(episode))
+    assert still == 60
+    mean = observed_at_rest(episode, still)
     assert np.abs(mean - points[0]).max() < 5 * 2e-3 / np.sqrt(60)
 
 

@@ -11,7 +11,8 @@ from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, m
 from egophys_core.effects import effect_named
 
 HELD_M = 0.005
-"""Metres of residual that held tracks may have with all that was found: what is farther off is not held."""
+"""Metres of residual, at least, that held tracks may have with all that was found: what is farther off, and off by more
+than its noise, is not held."""
 
 Grips = Sequence[GripRecord]
 
@@ -26,7 +27,7 @@ def grip_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredE
         return []
     grips = [grip for each in episodes for grip in each]
     best, others = _selected(grips, names, recordings.thresholds.measured_gain)
-    if np.sqrt(best.squares.max()) > HELD_M:
+    if np.sqrt(best.squares.max()) > max(HELD_M, *(grip.noise for grip in grips)):
         return []
     fits = {**dict.fromkeys(best.values, best), **others}
     return [_measured(name, fit, episodes, validation, recordings) for name, fit in fits.items()]

@@ -117,6 +117,8 @@ class _Vector:
     def __init__(self, names: Sequence[str], grips: Sequence[GripRecord]) -> None:
         self.parameters = [(name, each) for name in names for each in effect_named(name).parameters]
         self.steps = np.array([each.step for _, each in self.parameters])
+        # Far from the truth a clock's residual has other minima: one for every time that a hand turns back.
+        self.late = float(np.median([grip.delay for grip in grips]))
         # A time is one at which something is held.
         begins, ends = min(grip.times[0] for grip in grips), max(grip.times[-1] for grip in grips)
         bounds = [(begins, ends) if _is_time(each) else (each.low, each.high) for _, each in self.parameters]
@@ -131,8 +133,13 @@ class _Vector:
     def of(self, values: Parameters) -> np.ndarray:
         return np.array([values[name][each.name] for name, each in self.parameters]) / self.steps
 
+    def _start(self, name: str, parameter: Parameter, onset: float) -> float:
+        if effect_named(name).clock:
+            return self.late
+        return onset if parameter.null is None else parameter.null
+
     def start(self, onset: float) -> np.ndarray:
-        null = np.array([each.null if each.null is not None else onset for _, each in self.parameters])
+        null = np.array([self._start(name, each, onset) for name, each in self.parameters])
         return np.clip(null / self.steps + FINITE_DIFFERENCE_STEP, self.low, self.high)
 
 

@@ -48,6 +48,10 @@ class GripRecord:
     """[T, 3] metres, the hand by its record."""
     turned: np.ndarray
     """[T, 3, 3] how it is turned against when it takes hold, by its record."""
+    delay: float = 0.0
+    """Seconds by which the tracks are late, as far as that was told before."""
+    noise: float = 0.0
+    """Metres: what points near hands miss of how these move."""
 
     @property
     def seconds(self) -> float:
@@ -97,6 +101,8 @@ def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
                     levers=levers[held],
                     record_times=times,
                     centres=centres,
+                    delay=observation.delay,
+                    noise=observation.noise,
                     turned=turns(np.concatenate([fingers[contact.first, None], fingers]))[1:],
                 )
             )

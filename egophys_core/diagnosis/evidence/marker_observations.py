@@ -56,6 +56,7 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Tr
         problem=problem,
         tracks=_tracks(problem),
         touched=0,
+        rest=problem.episode.points[0].astype(np.float64),
         first=0,
         patches=np.arange(count),
         # Half a frame more, so that rounding moves no frame to the next block.
@@ -69,11 +70,11 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Tr
 def unidentifiable_effects(kind: Kind, observations: Sequence[TrackedEpisode]) -> tuple[str, ...]:
     """Effects that episodes of an object of a kind cannot tell, to be left out of a diagnosis.
 
-    Records of markers do not tell what a table does. What a clamp that stands still does to held points is how it was
-    mounted.
+    Records of markers, and of what hangs, do not tell what a table does. What a clamp that stands still does to held
+    points is how it was mounted.
     """
     absent = set(kind.cannot_tell)
-    if all(each.free for each in observations):
+    if all(each.free or each.hangs for each in observations):
         absent.add(Need.TABLE)
     if all(each.mounted for each in observations):
         absent.add(Need.MOVING_GRIP)

@@ -49,12 +49,20 @@ class TrackedEpisode:
     tracks: ObservedTracks
     touched: int
     """First frame of contact."""
+    rest: np.ndarray
+    """[P, 3] metres, the tracks before hands move the object."""
     first: int
     """Frame at which observers start."""
     patches: np.ndarray
     """[P] patch of each track."""
     blocks: np.ndarray
     """[T] block of each frame, -1 before the first contact."""
+    delay: float = 0.0
+    """Seconds by which its points are recorded later than its hands, as far as that was told before any diagnosis."""
+    noise: float = 0.0
+    """Metres: what points near hands miss of how these move."""
+    hangs: bool = False
+    """Whether it never comes near a table."""
     rate: float = RATE
     """w of its observers, 1/s; 0 for free rollouts."""
     mounted: bool = False
@@ -76,11 +84,6 @@ class TrackedEpisode:
     def least_scale(self) -> float:
         """Metres, the least size of residuals that are evidence."""
         return LEAST_SCALE_OF_MARKERS if self.free else LEAST_SCALE
-
-    @property
-    def rest(self) -> np.ndarray:
-        """[P, 3] metres, the tracks before the first contact."""
-        return np.asarray(np.nanmean(self.tracks.positions[: max(self.touched, 1)], axis=0))
 
     @property
     def block_count(self) -> int:
@@ -106,8 +109,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
     spacing = float(np.median(graph.rest_lengths))
     problem = prepare(observed, graph.positions, graph.surface, spacing=spacing)
     touched = observed.touched
-    tracks = observed_tracks(problem, graph.surface, touched)
-    rest = np.nanmean(tracks.positions[: max(touched, 1)], axis=0)
+    tracks, rest = observed_tracks(problem, graph.surface, observed), observed.at_rest
     centres = rest[farthest_points(rest, PATCHES)]
     times = observed.episode.times
     blocks = np.floor((times - times[touched]) / BLOCK_S).astype(int)
@@ -115,6 +117,10 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
         problem=problem,
         tracks=tracks,
         touched=touched,
+        rest=rest,
+        delay=observed.delay,
+        noise=observed.noise,
+        hangs=observed.hangs,
         first=int(np.searchsorted(times, times[touched] - LEAD_S)),
         patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),
         blocks=np.where(times >= times[touched], blocks, -1),

@@ -112,7 +112,7 @@ def test_a_rod_tells_nothing_of_springs_nor_a_record_of_markers_of_a_table(
     body, model, episode = cantilever
     moved = replace(observe_markers(twin_of(body, model), episode), mounted=False)
     of_a_rod, of_a_lattice = (set(unidentifiable_effects(kind_named(name), [moved])) for name in ("rod", "lattice"))
-    assert of_a_lattice == {"table_adhesion", "place_dependent_friction", "stribeck_friction"}
+    assert of_a_lattice == {"added_mass", "table_adhesion", "place_dependent_friction", "stribeck_friction"}
     assert of_a_rod < set(LIBRARY)
     assert "viscoelasticity" in of_a_rod
     assert not {"quadratic_drag", "control_delay", "uneven_mass", "gripper_offset"} & of_a_rod

@@ -5,6 +5,7 @@ import pytest
 
 from egophys_core.diagnosis.evidence.observed_tracks import observed_tracks, smoothed
 from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.observation import observe_episode
 from tests.diagnosis.rehearsed import episodes, sheet
 from tests.simulation.scenes import frame_times
 
@@ -36,8 +37,9 @@ def test_tracks_lie_where_they_were_seen_at_rest():
 
 
 def test_a_track_moves_with_its_nodes():
-    observation = observe(sheet(), episodes()[0])
-    tracks = observed_tracks(observation.problem, sheet().graph.surface, observation.touched)
+    observed = observe_episode(episodes()[0])
+    observation = observe(sheet(), observed)
+    tracks = observed_tracks(observation.problem, sheet().graph.surface, observed)
     nodes = observation.problem.start.astype(float)
     turned = nodes @ np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T + [0.1, 0.2, 0.3]
     before, after = tracks.on_twin(np.stack([nodes, turned]))

@@ -72,7 +72,7 @@ def measure(path: Path) -> list[dict[str, Any]]:
         finite = {key: value if np.isfinite(value) else None for key, value in errors.items()}
         return {"episode": name, "kind": shape.kind, "model": model, **finite, "minutes": minutes}
 
-    static, follow = baseline_scores(episode, observed.contact).values()
+    static, follow, _ = baseline_scores(episode, observed.contact).values()
     rows = [row("static", static, 0.0), row("rigid-follow", follow, 0.0)]
 
     began = time.perf_counter()

@@ -6,11 +6,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.episode import Episode
+from egophys_core.evaluation.metrics import track_error_per_frame
 from egophys_core.evaluation.scores import Scores, score
+from egophys_core.interpolation import values_at
+
+LARGEST_LAG_S, LAG_STEP_S = 1.0, 0.1
+"""Seconds: by how much hands and points may be recorded apart, and the steps of a first search."""
 
 
 def baseline_scores(episode: Episode, contact: np.ndarray) -> dict[str, Scores]:
-    """Errors of both predictions, by name; train errors of the first are blank, as it copies those frames.
+    """Errors of the predictions, by name; train errors of the first are blank, as it copies those frames.
 
     Args:
         contact: [T, C], not 0 where a controller point holds or presses the object.
@@ -18,6 +23,7 @@ def baseline_scores(episode: Episode, contact: np.ndarray) -> dict[str, Scores]:
     predictions = {
         "last observed shape stays": static_prediction(episode),
         "moves with nearest controller": rigid_follow_prediction(episode, contact),
+        "the same, at its best lag": lagging_prediction(episode, contact),
     }
     scores = {}
     for name, prediction in predictions.items():
@@ -40,6 +46,28 @@ def static_prediction(episode: Episode) -> np.ndarray:
         source = prediction[frame] if frame < episode.train_frames else np.full_like(prediction[frame], np.nan)
         prediction[frame] = np.where(np.isfinite(source), source, prediction[frame - 1])
     return prediction
+
+
+def lagging_prediction(episode: Episode, contact: np.ndarray) -> np.ndarray:
+    """[T, N, 3] metres: as `rigid_follow_prediction`, by hands so much earlier or later as fits the train frames best.
+
+    Args:
+        contact: as there.
+    """
+    train, bound = slice(1, episode.train_frames), np.arange(episode.points.shape[1])
+
+    def prediction(lag: float) -> np.ndarray:
+        at = episode.times - lag
+        nearest = np.rint(np.interp(at, episode.times, np.arange(episode.frames))).astype(int)
+        moved = replace(episode, controllers=values_at(episode.times, episode.controllers, at))
+        return rigid_follow_prediction(moved, contact[nearest])
+
+    def missed(lag: float) -> float:
+        errors = track_error_per_frame(prediction(lag)[train], episode.points[train], bound)
+        return float(np.nanmean(errors)) if np.isfinite(errors).any() else np.inf
+
+    coarse = min(np.arange(-LARGEST_LAG_S, LARGEST_LAG_S + LAG_STEP_S / 2, LAG_STEP_S), key=missed)
+    return prediction(min(coarse + LAG_STEP_S * np.linspace(-1.0, 1.0, 11), key=missed))
 
 
 def rigid_follow_prediction(episode: Episode, contact: np.ndarray) -> np.ndarray:

@@ -68,6 +68,17 @@ def test_without_any_hold_nothing_moves():
     assert predicted == pytest.approx(np.tile(points[0], (FRAMES, 1, 1)))
 
 
+@pytest.mark.parametrize("lag", [0.33, -0.2])
+def test_points_recorded_late_are_followed_at_their_lag(lag):
+    times = np.arange(60) / 10
+    hand = np.stack([0.1 * np.sin(2.0 * times), 0.05 * np.cos(3.0 * times), 0 * times], axis=1)
+    late = np.stack([np.interp(times - lag, times, hand[:, axis]) for axis in range(3)], axis=1)
+    points = np.array([[0.02, 0, 0], [0, 0.1, 0]]) + (late - late[0])[:, None]
+    scores = baseline_scores(episode_of(points, hand[:, None], times), np.ones((60, 1), bool))
+    assert scores["moves with nearest controller"].test_track_m > 0.02
+    assert scores["the same, at its best lag"].test_track_m < 0.004
+
+
 def test_scores_of_the_baselines_by_hand():
     points, controllers = moving_episode()
     scores = baseline_scores(episode_of(points, controllers), np.ones((FRAMES, 2), bool))

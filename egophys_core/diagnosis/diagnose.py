@@ -22,7 +22,7 @@ from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.explain import explain
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.diagnosis.verdict.thresholds import thresholds_for
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError
@@ -117,8 +117,8 @@ def _diagnose_observed(
 ) -> Finding:
     """As `diagnose`, from episodes in which the twin has its place already."""
     started = time.monotonic()
-    thresholds = Thresholds()
     observations, validation = fitted_and_validation(observations)
+    thresholds = thresholds_for(float(np.median([each.noise for each in observations])))
     for name in without:
         effect_named(name)
     model = replace(twin.model, effects=())

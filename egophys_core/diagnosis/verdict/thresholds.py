@@ -5,7 +5,11 @@ cases of the project's users (docs/notes/discrepancy.md): so the recorded cases 
 are in log-likelihood, on data that were left out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+NOISE_SHARE = 0.5
+"""Of what points near hands miss of a step of these (`TrackedEpisode.noise`), what is left in the mean of a block. It
+is much, as all points of a frame that is stamped wrongly are off together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,8 +61,8 @@ class Thresholds:
     """Share of a general effect's gain from which its special case takes its place if it predicts more of validation
     episodes."""
     floor_m: float = 0.002
-    """Metres, median residual from which a twin lacks something, whatever it is; rehearsed sets without an effect left
-    0.5 to 1.3 mm, a sheet under a changing force 3.2."""
+    """Metres, median residual from which a twin lacks something, whatever it is, where points have little noise;
+    rehearsed sets without an effect left 0.5 to 1.3 mm, a sheet under a changing force 3.2."""
     left_share: float = 0.7
     """Share of the residuals of free rollouts that an effect may leave where they exceed `floor_m`; a recorded cable
     on a thread was said to feel a steady force, which left 33 mm of 38."""
@@ -69,3 +73,9 @@ class Thresholds:
     measured_gain: float = 12.0
     """Gain from which an effect that is measured directly shows; in 68 rehearsed and 13 recorded cases without it, it
     gains 2 at most, small injected ones 21 and more."""
+
+
+def thresholds_for(noise: float) -> Thresholds:
+    """Those for recordings of a noise, metres: no twin leaves less."""
+    usual = Thresholds()
+    return replace(usual, floor_m=max(usual.floor_m, NOISE_SHARE * noise))

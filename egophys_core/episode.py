@@ -18,6 +18,10 @@ LONGEST_GAP_S = 10.0
 below 0.3 s in all recordings known; a clock that is set, or the break between two recordings, is longer."""
 
 
+class EpisodeWarning(UserWarning):
+    """Something recorded was left out of an episode, filled in or is doubtful; says what and how much."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Episode:
     """Points of an object and of the hands that move it, over time. SI units, frame `world`, z up."""

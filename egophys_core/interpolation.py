@@ -16,9 +16,8 @@ def values_at(times: ArrayLike, record: ArrayLike, at: ArrayLike) -> np.ndarray:
     return np.stack(found, axis=-1).reshape(*np.shape(at), *values.shape[1:])
 
 
-def moved_earlier(times: np.ndarray, tracks: np.ndarray, delay: float) -> np.ndarray:
-    """Tracks [T, N, 3] at their times [T] plus a delay in seconds; NaN beyond their ends and beside unseen ones."""
-    at = times + delay
+def tracks_at(times: np.ndarray, tracks: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Tracks [T, N, 3] at other times [F], seconds, as [F, N, 3]; NaN beyond their ends and beside unseen places."""
     before = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     share = ((at - times[before]) / (times[before + 1] - times[before]))[:, None, None]
     found = (1.0 - share) * tracks[before] + share * tracks[before + 1]

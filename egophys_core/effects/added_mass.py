@@ -26,7 +26,7 @@ EFFECT = Effect(
         confounders=("gravity_scale", "quadratic_drag", "bending_damping"),
         experiment="hang it by two corners and swing it, then let it fall flat: both are slow; a smaller gravity is "
         "slow on its edge, too",
-        needs=frozenset({Need.SHEET}),
+        needs=frozenset({Need.THIN}),
         same_in_every_motion=True,
     ),
     starts=starts,

@@ -16,7 +16,7 @@ class Need(StrEnum):
     """The object touches a table."""
     SPRINGS = "springs"
     """The object resists by springs that stretch; those of a rod hardly do."""
-    SHEET = "sheet"
+    THIN = "thin"
     """The object is thin, and moves air along its normal."""
     MOVING_GRIP = "moving grip"
     """What holds the object moves: of a clamp that stands still it is how the clamp was mounted."""

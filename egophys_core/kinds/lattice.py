@@ -296,5 +296,5 @@ KIND = Kind(
     static_deflection_is_evidence=False,
     fitted=fitted_parameters,
     faces=lambda graph: faces_of_body(graph.positions),
-    cannot_tell=frozenset({Need.SHEET}),
+    cannot_tell=frozenset({Need.THIN}),
 )

@@ -236,7 +236,7 @@ KIND = Kind(
     is_line=True,
     # Its springs hardly stretch, and it bends without any. What effects on springs gained in a cable that lacks
     # nothing, up to 108, was of how it stretches.
-    cannot_tell=frozenset({Need.SPRINGS, Need.SHEET}),
+    cannot_tell=frozenset({Need.SPRINGS, Need.THIN}),
     fitted=fitted_parameters,
     # A line has no surface.
     faces=lambda graph: np.zeros((0, 3), np.int32),

@@ -100,7 +100,7 @@ KIND = Kind(
     name=NAME,
     from_surface=FromSurface(recognises=anything, searched=SEARCHED, model=model_of, inside=inside_of),
     static_deflection_is_evidence=False,
-    cannot_tell=frozenset({Need.SHEET}),
+    cannot_tell=frozenset({Need.THIN}),
     fitted=fitted_parameters,
     otherwise_at_rest=lambda model: [carrying_itself(model)],
     variants=lambda model: [carrying_itself(each) for each in spring_variants(model, SIZES)],

@@ -1,9 +1,23 @@
 """What an episode must have before anything is fitted to it or compared with it."""
 
-import numpy as np
+import warnings
 
-from egophys_core.episode import Episode
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from egophys_core.episode import Episode, EpisodeWarning
 from egophys_core.errors import EpisodeError
+from egophys_core.geometry import farthest_points
+from egophys_core.observation.delay import LARGEST_DELAY_S
+
+GAP, LEAST_GAP_M, SMALL_PIECE = 4.0, 0.06, 0.1
+"""Times the spacing of points, and metres, from which a gap parts two objects, and the share of the points of a piece
+that may be a wrong one. Gaps within objects are up to 2 spacings wide (100 recordings, hidden parts and all)."""
+
+MOST_IN_PIECES, FEWEST_IN_PIECES = 400, 20
+"""Points of which pieces are told."""
 
 SMALLEST_OBJECT_M, LARGEST_OBJECT_M = 0.01, 5.0
 """Metres across: what hands handle on a table lies well between, in millimetres or kilometres it does not."""
@@ -27,6 +41,52 @@ def require_fittable(episode: Episode) -> None:
         raise EpisodeError(
             f"{episode.name}: the object is {size:.3g} m across, a twin is built of objects of {SMALLEST_OBJECT_M:g} "
             f".. {LARGEST_OBJECT_M:g} m; points must be in metres: {remedy}"
+        )
+
+
+def require_one_clock(name: str, delay: float, drift: float) -> None:
+    """Check that points are recorded no later after the hands, seconds, than can be taken off, and warn of a drift.
+
+    Raises:
+        EpisodeError: they are.
+    """
+    if drift:
+        warnings.warn(
+            f"{name}: the clocks of hands and points drift apart by {100 * drift:+.1f} %: their delay of {delay:.2f} s "
+            "changes over the record, and is taken off as it is in the middle; stamp both by one clock",
+            EpisodeWarning,
+            stacklevel=2,
+        )
+    if abs(delay) > LARGEST_DELAY_S:
+        raise EpisodeError(
+            f"{name}: its points follow the hands {abs(delay):.2f} s {'later' if delay > 0 else 'earlier'} than "
+            f"recorded; up to {LARGEST_DELAY_S:g} s are taken off. Stamp hands and points by one clock, or shift one "
+            "of the topics"
+        )
+
+
+def require_one_object(name: str, at_rest: np.ndarray) -> None:
+    """Check that points at rest [P, 3], metres, are of one piece.
+
+    Raises:
+        EpisodeError: a gap parts them.
+    """
+    points = at_rest[farthest_points(at_rest, MOST_IN_PIECES)]
+    if len(points) < FEWEST_IN_PIECES:
+        return
+    spacing = float(np.median(cKDTree(points).query(points, k=5)[0][:, -1]))
+    gap = max(GAP * spacing, LEAST_GAP_M)
+    pairs = cKDTree(points).query_pairs(gap, output_type="ndarray")
+    links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    pieces, which = connected_components(links, directed=False)
+    shares = np.bincount(which) / len(points)
+    if pieces > 1 and np.sort(shares)[-2] > SMALL_PIECE:
+        first, second = np.argsort(-shares)[:2]
+        apart = cKDTree(points[which == first]).query(points[which == second])[0].min()
+        raise EpisodeError(
+            f"{name}: the points at rest are of {np.count_nonzero(shares > SMALL_PIECE)} pieces, {100 * apart:.0f} cm "
+            f"apart, where their neighbours are {100 * spacing:.0f} cm from each other; a twin is of one object: leave "
+            "out the points of the others"
         )
 
 

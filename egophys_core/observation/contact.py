@@ -79,6 +79,8 @@ class SeenHands:
     """In order of their first controller."""
     delay: float
     """Seconds by which points are recorded later than hands, in whose time contacts are; 0 where that is not told."""
+    drift: float
+    """Seconds by which that grows in each second; 0 where that is not told."""
     noise: float
     """Metres: what points near hands miss of how these move; 0 where none follow."""
 
@@ -110,7 +112,8 @@ def _with_delay(episode: Episode, groups: Sequence[np.ndarray], followed: Follow
     ]
     pairs = zip(groups, scenes, strict=True)
     hands = tuple(Hand(controllers=members, contacts=_find_contacts(scene)) for members, scene in pairs)
-    return SeenHands(hands=hands, delay=delay, noise=float(followed.noise.max(initial=0.0)))
+    drift = followed.drift if delay else 0.0
+    return SeenHands(hands=hands, delay=delay, drift=drift, noise=float(followed.noise.max(initial=0.0)))
 
 
 def contact_flags(episode: Episode, hands: Sequence[Hand]) -> np.ndarray:

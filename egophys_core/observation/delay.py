@@ -11,13 +11,13 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from egophys_core.episode import Episode
-from egophys_core.interpolation import moved_earlier
+from egophys_core.interpolation import tracks_at
 from egophys_core.observation.hand_scene import NEAR_HAND, STEP, steps_of
 
-LARGEST_DELAY_S = 1.0
-"""Object points that lag more than this behind the hands, or run ahead of them, are not looked for."""
+LARGEST_DELAY_S, LONGEST_S = 1.0, 3.0
+"""Object points that lag more than this behind the hands, or run ahead of them, are refused; so far it is looked."""
 
-COARSE_S = 0.05
+COARSE_S = 0.1
 """Seconds between the delays that are tried; a hand reverses in no less than four of them."""
 
 MOST_TRACKS = 64
@@ -27,6 +27,10 @@ FOLLOWED_MORE, FOLLOWED_TIMES = 0.05, 1.2
 """Points are late if with the delay taken off they follow more of the hands' travel: by this share of it, and times
 what they follow without. The share is 0.02 and less in 60 recordings without a delay, pushes that roll a toy too, and
 0.09 and more with one (docs/notes/contact.md)."""
+
+DRIFTS, DRIFT_DELAYS_S, DRIFT_GAIN = np.arange(-4, 5) * 0.005, np.arange(-3, 4) * 0.03, 0.015
+"""Drifts and delays beside the best one that are tried, and by how much more of the hands' travel points must then
+follow: 0.005 and less in recorded cloths, 0.02 in half of these where a drift of 0.01 was added; less does no harm."""
 
 FOLLOWS = 0.5
 """Points that miss more of the hand's steps than this (median) are pushed or rest; what is held misses 0.05 to 0.3."""
@@ -38,6 +42,8 @@ class Following:
 
     delay: float
     """Seconds by which they are recorded later than the hands; 0 where that is not told."""
+    drift: float
+    """Seconds by which that grows in each second; 0 where that is not told."""
     noise: np.ndarray
     """[hands] metres: what points miss of a step of the hand that they come along with (median); 0 where few do."""
 
@@ -49,26 +55,41 @@ def following(episode: Episode, hands: Sequence[np.ndarray]) -> Following:
         hands: for each hand its controllers, indices [H].
     """
     travels = [_Travel(episode, members) for members in hands]
-    delay = _delay([each for each in travels if each.length > 0])
-    return Following(delay=delay, noise=np.array([each.noise(delay) for each in travels]))
+    moving = [each for each in travels if each.length > 0]
+    delay = _delay(moving)
+    drift = _drift(moving, delay) if delay else 0.0
+    return Following(delay=delay, drift=drift, noise=np.array([each.noise(delay) for each in travels]))
 
 
 def _delay(travels: Sequence["_Travel"]) -> float:
     if not travels:
         return 0.0
 
-    def followed(delay: float) -> float:
-        return sum(each.followed(delay) for each in travels) / sum(each.length for each in travels)
-
-    tried = np.arange(-round(LARGEST_DELAY_S / COARSE_S), round(LARGEST_DELAY_S / COARSE_S) + 1) * COARSE_S
-    shares = np.array([followed(delay) for delay in tried])
+    tried = np.arange(-round(LONGEST_S / COARSE_S), round(LONGEST_S / COARSE_S) + 1) * COARSE_S
+    shares = np.array([_followed(travels, delay) for delay in tried])
     at_once = shares[len(tried) // 2]
     best = float(tried[np.argmax(shares)])
     if shares.max() < max(at_once + FOLLOWED_MORE, FOLLOWED_TIMES * at_once):
         return 0.0
+
+    def missed(delay: float) -> float:
+        return -_followed(travels, delay)
+
     bounds = (best - COARSE_S, best + COARSE_S)
-    refined = minimize_scalar(lambda delay: -followed(delay), bounds=bounds, method="bounded", options={"xatol": 1e-3})
-    return float(refined.x)
+    return float(minimize_scalar(missed, bounds=bounds, method="bounded", options={"xatol": 1e-3}).x)
+
+
+def _drift(travels: Sequence["_Travel"], delay: float) -> float:
+    """Seconds by which a delay grows in each second, if points follow clearly better so."""
+    near = delay + DRIFT_DELAYS_S
+    shares = [max(_followed(travels, each, drift) for each in near) for drift in DRIFTS]
+    best = int(np.argmax(shares))
+    return float(DRIFTS[best]) if shares[best] >= shares[len(DRIFTS) // 2] + DRIFT_GAIN else 0.0
+
+
+def _followed(travels: Sequence["_Travel"], delay: float, drift: float = 0.0) -> float:
+    """Share of the hands' travel that points near them come along with."""
+    return sum(each.followed(delay, drift) for each in travels) / sum(each.length for each in travels)
 
 
 class _Travel:
@@ -90,9 +111,10 @@ class _Travel:
         self.length = float(travel.sum())
         """Metres in all."""
 
-    def followed(self, delay: float) -> float:
-        """Metres of the travel that points near the hand come along with, were they recorded so many seconds late."""
-        return float((self._travel * np.maximum(1.0 - self._missed(delay), 0.0)).sum())
+    def followed(self, delay: float, drift: float) -> float:
+        """Metres of the travel that points near the hand come along with, were they recorded so many seconds late in
+        the middle of the record, and later by `drift` with every second."""
+        return float((self._travel * np.maximum(1.0 - self._missed(delay, drift), 0.0)).sum())
 
     def noise(self, delay: float) -> float:
         """Metres, of a hand that points follow: what they miss of a step."""
@@ -102,9 +124,10 @@ class _Travel:
             return 0.0
         return float(np.median(came_along * long[missed < 1.0]))
 
-    def _missed(self, delay: float) -> np.ndarray:
+    def _missed(self, delay: float, drift: float = 0.0) -> np.ndarray:
         """[T] what points near the hand miss of its step around each frame, over that step; 1 where none is seen."""
-        points = moved_earlier(self._times, self._points, delay)
+        late = delay + drift * (self._times - self._times[-1] / 2.0)
+        points = tracks_at(self._times, self._points, self._times + late)
         near = np.zeros(points.shape[:2], bool)
         for finger in range(self._fingers.shape[1]):
             near |= np.linalg.norm(points - self._fingers[:, finger, None], axis=2) < NEAR_HAND

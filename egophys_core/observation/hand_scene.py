@@ -7,7 +7,7 @@ from scipy.ndimage import median_filter
 from scipy.spatial import cKDTree
 
 from egophys_core.episode import Episode
-from egophys_core.interpolation import moved_earlier
+from egophys_core.interpolation import tracks_at
 
 NEAR_HAND = 0.04
 """Metres: object points this near to one of a hand's points tell whether the object moves with the hand."""
@@ -15,7 +15,7 @@ NEAR_HAND = 0.04
 STEP, STEP_NOISES = 0.01, 3.0
 """Metres of hand travel, at least, over which is asked whether points came along, and over the noise of their mean."""
 
-PATIENCE_S, PATIENCE_FRAMES = 0.1, 3
+PATIENCE_S, PATIENCE_FRAMES = 0.1, 5
 """Noise and hidden points may make a hand that stays look as if it moved away, but not for longer than these."""
 
 LONGEST_STEP_S = 0.5
@@ -147,7 +147,7 @@ def look_at_hand(episode: Episode, members: np.ndarray, *, delay: float = 0.0, n
     hand = fingers.mean(axis=1)
     points = episode.points.astype(np.float64)
     if delay:
-        points = moved_earlier(times, points, delay)
+        points = tracks_at(times, points, times + delay)
     last_seen, near, gap = _nearness(fingers, points)
     step_m = step_length(noise)
     step = steps_of(times, hand, step_m)

@@ -9,7 +9,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.kinds.kind import SeenMarkers
 from egophys_core.observation.at_rest import first_touch, from_rest, observed_at_rest, still_frames
-from egophys_core.observation.checks import require_fittable
+from egophys_core.observation.checks import require_fittable, require_one_clock, require_one_object
 from egophys_core.observation.contact import Contact, Hand, contact_flags, see_hands
 from egophys_core.observation.hanging import hangs_free, without_table
 from egophys_core.observation.marker_record import MOST_MARKERS, is_sparse, marker_record
@@ -73,7 +73,8 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
         load: N, the weight of what hangs at the free end of an object with markers.
 
     Raises:
-        EpisodeError: no controllers, points in another unit, or markers that are never seen all at once.
+        EpisodeError: no controllers, points in another unit, of several objects or of a clock that is far from that of
+            the hands, or markers that are never seen all at once.
         OptionsError: a load that is none, or on what is seen all over.
     """
     if isinstance(episode, ObservedEpisode):
@@ -101,6 +102,7 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
             f"are for recordings of at most {MOST_MARKERS}: leave it out, or track fewer"
         )
     shown, seen_hands = episode, see_hands(episode)
+    require_one_clock(episode.name, seen_hands.delay, seen_hands.drift)
     if first_touch(episode, seen_hands) == 0:
         shown = from_rest(episode, still_frames(episode, seen_hands), seen_hands.delay)
         seen_hands = see_hands(shown)
@@ -108,6 +110,8 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
     if hangs:
         shown = without_table(shown)
     still = still_frames(shown, seen_hands)
+    at_rest = observed_at_rest(shown, still)
+    require_one_object(episode.name, at_rest)
     return ObservedEpisode(
         episode=shown,
         record=shown,
@@ -115,7 +119,7 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
         hands=seen_hands.hands,
         touched=first_touch(shown, seen_hands),
         still=still,
-        at_rest=observed_at_rest(shown, still),
+        at_rest=at_rest,
         delay=seen_hands.delay,
         noise=seen_hands.noise,
         hangs=hangs,

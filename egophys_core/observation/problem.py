@@ -10,9 +10,9 @@ from egophys_core.errors import EpisodeError
 from egophys_core.evaluation import bind_tracks, split_frames
 from egophys_core.observation.contact import Hand
 from egophys_core.observation.driving import controls_of
-from egophys_core.observation.hand_scene import NEAR_HAND
 from egophys_core.observation.observed import AnyEpisode, observe_episode
 from egophys_core.observation.registration import place, placed
+from egophys_core.observation.unmoved import why_unmoved
 from egophys_core.simulation import Controls
 
 LEAD_FRAMES = 3
@@ -85,10 +85,7 @@ def prepare(episode: AnyEpisode, positions: np.ndarray, surface: np.ndarray, *, 
     episode, hands = observed.episode, observed.hands
     split_frames(episode)
     if not any(hand.touches for hand in hands):
-        raise EpisodeError(
-            f"{episode.name}: no hand moves the object (no points within {NEAR_HAND} m of one come along with it); "
-            "check that object and controller points are in the same frame and unit"
-        )
+        raise EpisodeError(f"{episode.name}: {why_unmoved(episode)}")
     resting = observed.at_rest
     pose = place(positions[surface], resting, spacing=spacing)
     start = placed(positions, pose, positions[surface].mean(axis=0))

@@ -1,5 +1,6 @@
 """Bags and logs in and out (MCAP, rosbag2 folders) <-> arrays. Imports neither ROS, Warp nor torch."""
 
+from egophys_core.episode import EpisodeWarning
 from egophys_core.recording.bag_metadata import LATCHED_QOS, SENSOR_QOS, TopicQos
 from egophys_core.recording.episode_reader import (
     CONTROLLER_TOPIC,
@@ -18,7 +19,6 @@ from egophys_core.recording.message_definitions import (
     standard_definition,
     types_of_topics,
 )
-from egophys_core.recording.point_tracks import EpisodeWarning
 from egophys_core.recording.pointcloud import (
     POINT_DTYPE,
     POINT_FIELDS,

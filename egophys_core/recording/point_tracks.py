@@ -6,16 +6,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from egophys_core.episode import EpisodeWarning
 from egophys_core.interpolation import values_at
 from egophys_core.recording.pointcloud import PointFrame
 from egophys_core.recording.stamps import require_steady_stamps
 
 LONGEST_FILLED_GAP_S = 0.5
 """A controller unseen for longer than this is dropped: half a second of a hand's motion cannot be guessed."""
-
-
-class EpisodeWarning(UserWarning):
-    """Something recorded was left out of an episode, or filled in; says what and how much."""
 
 
 def order_by_stamp(frames: Sequence[PointFrame], label: str) -> list[PointFrame]:

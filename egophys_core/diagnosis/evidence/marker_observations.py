@@ -10,6 +10,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, smoothed
+from egophys_core.diagnosis.evidence.observer import FREE
 from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, TrackedEpisode
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.traits import Need
@@ -18,9 +19,6 @@ from egophys_core.kinds import Kind
 from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, place_model
 from egophys_core.observation.clamps import stands_still
 from egophys_core.twin import Twin
-
-FREE = 0.0
-"""Rate of the observer, 1/s."""
 
 RING_DOWN_BLOCK_S = 0.04
 """Seconds of a block of a ring-down in a still clamp: a quarter of a period of 6 Hz. What hands move oscillates as

@@ -10,6 +10,9 @@ import numpy as np
 
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks
 
+FREE = 0.0
+"""w of a free rollout, which is not nudged."""
+
 RATE = 5.0
 """w, 1/s: what the twin lacks shows over the last fifth of a second or so (docs/notes/discrepancy.md)."""
 

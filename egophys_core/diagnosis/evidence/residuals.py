@@ -14,7 +14,7 @@ from egophys_core.cores import usable_cores
 from egophys_core.diagnosis.direct.mounting import beside_mounting
 from egophys_core.diagnosis.evidence.innovations import innovations
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, observed_tracks
-from egophys_core.diagnosis.evidence.observer import RATE, TrackNudging
+from egophys_core.diagnosis.evidence.observer import FREE, RATE, TrackNudging
 from egophys_core.episode import Episode
 from egophys_core.geometry import farthest_points
 from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, prepare
@@ -77,13 +77,18 @@ class TrackedEpisode:
 
     @property
     def free(self) -> bool:
-        """Whether nothing nudges the twin to the tracks: few markers on an object in a clamp."""
+        """Whether nothing nudges the twin to the tracks: what swings in the air is not chaotic, and shows more so."""
         return self.rate == 0
 
     @property
     def least_scale(self) -> float:
         """Metres, the least size of residuals that are evidence."""
-        return LEAST_SCALE_OF_MARKERS if self.free else LEAST_SCALE
+        return LEAST_SCALE_OF_MARKERS if self.at_markers else LEAST_SCALE
+
+    @property
+    def at_markers(self) -> bool:
+        """Whether it is seen at a few markers, and held in clamps."""
+        return self.record is not None
 
     @property
     def block_count(self) -> int:
@@ -121,6 +126,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
         delay=observed.delay,
         noise=observed.noise,
         hangs=observed.hangs,
+        rate=FREE if observed.hangs else RATE,
         first=int(np.searchsorted(times, times[touched] - LEAD_S)),
         patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),
         blocks=np.where(times >= times[touched], blocks, -1),

@@ -29,6 +29,17 @@ def test_what_is_hidden_too_long_has_no_place():
     assert np.isfinite(positions[[2, 28]]).all()
 
 
+def test_parabola_is_kept_where_frames_come_unevenly():
+    random = np.random.default_rng(1)
+    times = np.cumsum(random.uniform(0.06, 0.28, 40))
+    tracks = np.stack([times**2, 3.0 * times, np.ones_like(times)], axis=1)[:, None]
+    positions, velocities = smoothed(tracks, times)
+    inner = slice(3, -3)
+    assert positions[inner] == pytest.approx(tracks[inner], abs=1e-9)
+    slopes = np.stack([2 * times, 3 + 0 * times, 0 * times], axis=1)
+    assert velocities[inner, 0] == pytest.approx(slopes[inner], abs=1e-9)
+
+
 def test_tracks_lie_where_they_were_seen_at_rest():
     observation = observe(sheet(), episodes(noise_m=0.0)[0])
     still = observation.tracks.on_twin(observation.problem.start[None].astype(float))[0]

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks import beam, blind, cable, cost, effects, film, injected, perception, physics, towel, trust
+from benchmarks import beam, blind, cable, cost, effects, film, injected, measured, perception, physics, towel, trust
 from benchmarks.provenance import commit, machine
 from benchmarks.report import RESULTS, renew
 from egophys_core.files import write_json
@@ -24,6 +24,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "diagnoses": blind.run,
     "beam": beam.run,
     "cable": cable.run,
+    "measured": measured.run,
     "cost": cost.run,
     "trust": trust.run,
 }

@@ -42,6 +42,10 @@ class Episode:
     """[C] uint32, stable over the episode, increasing."""
     ground_height: float = 0.0
     """z of the table, metres."""
+    held: bool = False
+    """Whether it was said that hands hold the object from the first frame to the last; else that is looked for."""
+    no_table: bool = False
+    """Whether it was said that there is no table; else that is looked for, too."""
 
     def __post_init__(self) -> None:
         points, controllers, times = self.points, self.controllers, self.times

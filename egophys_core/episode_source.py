@@ -49,6 +49,8 @@ class SourceOptions:
         Source.AUTO, doc="what of a recording is used: points, video, or auto: points if it has any, else video"
     )
     force: bool = switch(False, doc="take an episode from a video of which the verdict is poor, too")
+    held: bool = switch(False, doc="hands hold the object from the first frame to the last; else that is looked for")
+    no_table: bool = switch(False, doc="there is no table; else one is taken to be at z = 0 unless the object hangs")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +60,10 @@ class EpisodeSource:
     source: Source = Source.AUTO
     force: bool = False
     """Whether poor videos are taken, too."""
+    held: bool = False
+    """What `Episode.held` is to say, of recorded points."""
+    no_table: bool = False
+    """The same of `Episode.no_table`."""
     object_topic: str = OBJECT_TOPIC
     """Topic of the object's points."""
     controller_topic: str = CONTROLLER_TOPIC
@@ -166,7 +172,8 @@ def _load(path: Path, source: EpisodeSource, progress: Callable[[str, float], No
         if not source.force:
             _require_usable(path, recorded_remarks(path))
         episode = read_episode(path, object_topic=source.object_topic, controller_topic=source.controller_topic)
-        return LoadedEpisode(episode=episode, report=None)
+        declared = dataclasses.replace(episode, held=source.held, no_table=source.no_table)
+        return LoadedEpisode(episode=declared, report=None)
 
     def report(stage: str, share: float) -> None:
         begin, end = STAGES.get(stage, (0.0, 1.0))

@@ -5,6 +5,7 @@ import dataclasses
 import sys
 from pathlib import Path
 
+from egophys_core.cli.declared_arguments import add_declared_arguments
 from egophys_core.cli.display import print_json, print_scores, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.object_argument import add_object_argument, with_object
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Video is perceived with default options: for others run `egophys perceive` and build from what it writes",
     )
     add_object_argument(parser)
+    add_declared_arguments(parser)
     parser.add_argument("--force", action="store_true", help="build from a video of which the verdict is poor, too")
     parser.add_argument("--out", required=True, type=Path, metavar="TWIN", help="twin file to write (.twin)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the search (default 0)")
@@ -54,7 +56,13 @@ def run(parsed: argparse.Namespace) -> int:
     if parsed.object is not None and len(parsed.episodes) > 1:
         raise OptionsError("--object is a place in one video; perceive each of several by itself and build from those")
     options_of_video = with_object(PerceptionOptions(), parsed.object)
-    source = EpisodeSource(source=Source(parsed.source), force=parsed.force, perception=options_of_video)
+    source = EpisodeSource(
+        source=Source(parsed.source),
+        force=parsed.force,
+        held=parsed.held,
+        no_table=parsed.no_table,
+        perception=options_of_video,
+    )
     perceiving = PERCEPTION_SHARE if any(is_video(path, source) for path in parsed.episodes) else 0.0
     try:
         with progress_bar() as report:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
+from egophys_core.cli.declared_arguments import add_declared_arguments, as_declared
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of surrogates and resamples (default 0)")
     parser.add_argument("--json", action="store_true", help="print the content of diagnosis.json instead of a summary")
     add_load_argument(parser)
+    add_declared_arguments(parser)
     add_option_arguments(parser, DiagnosisOptions)
 
 
@@ -64,7 +66,9 @@ def run(parsed: argparse.Namespace) -> int:
         effect_named(name)
     require_new_folder(parsed.out)
     twin = load_twin(parsed.twin)
-    episodes, others = ([read_episode(path) for path in paths] for paths in (parsed.episodes, parsed.report_on))
+    episodes, others = (
+        [as_declared(read_episode(path), parsed) for path in paths] for paths in (parsed.episodes, parsed.report_on)
+    )
     with progress_bar() as report:
         finding = diagnose(
             twin,

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from egophys_core.cli.declared_arguments import add_declared_arguments, as_declared
 from egophys_core.cli.display import print_json, print_scores, print_table
 from egophys_core.cli.marker_arguments import add_load_argument, load_of
 
@@ -16,6 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("twin", type=Path, metavar="TWIN")
     parser.add_argument("episode", type=Path, metavar="EPISODE", help=".mcap file or rosbag2 folder")
     add_load_argument(parser)
+    add_declared_arguments(parser)
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
 
 
@@ -27,7 +29,7 @@ def run(parsed: argparse.Namespace) -> int:
     from egophys_core.recording import read_episode
     from egophys_core.twin import load_twin
 
-    twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
+    twin, episode = load_twin(parsed.twin), as_declared(read_episode(parsed.episode), parsed)
     observed = observe_episode(episode, load=load_of(parsed.load, episode.name))
     problem = place_twin(twin, observed)
     scores = score(predict(twin.model, problem), twin.model.graph.surface, problem.episode)

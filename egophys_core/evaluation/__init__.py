@@ -1,6 +1,11 @@
 """Errors of a predicted motion and of what was made of a video, and the predictions without physics to beat."""
 
-from egophys_core.evaluation.baselines import baseline_scores, rigid_follow_prediction, static_prediction
+from egophys_core.evaluation.baselines import (
+    baseline_scores,
+    lagging_prediction,
+    rigid_follow_prediction,
+    static_prediction,
+)
 from egophys_core.evaluation.iou import iou_per_frame
 from egophys_core.evaluation.lost_to import lost_to
 from egophys_core.evaluation.masks import MaskScores, mask_scores
@@ -49,6 +54,7 @@ __all__ = [
     "follow_measured",
     "identify",
     "iou_per_frame",
+    "lagging_prediction",
     "lost_to",
     "mask_scores",
     "pair_frames",

@@ -110,8 +110,11 @@ def _with_delay(episode: Episode, groups: Sequence[np.ndarray], followed: Follow
         look_at_hand(episode, members, delay=delay, noise=noise)
         for members, noise in zip(groups, followed.noise.tolist(), strict=True)
     ]
+    whole = (Contact(first=0, last=episode.frames - 1, kind=ContactKind.HOLD),)
     pairs = zip(groups, scenes, strict=True)
-    hands = tuple(Hand(controllers=members, contacts=_find_contacts(scene)) for members, scene in pairs)
+    hands = tuple(
+        Hand(controllers=members, contacts=whole if episode.held else _find_contacts(scene)) for members, scene in pairs
+    )
     drift = followed.drift if delay else 0.0
     return SeenHands(hands=hands, delay=delay, drift=drift, noise=float(followed.noise.max(initial=0.0)))
 

@@ -106,7 +106,7 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
     if first_touch(episode, seen_hands) == 0:
         shown = from_rest(episode, still_frames(episode, seen_hands), seen_hands.delay)
         seen_hands = see_hands(shown)
-    hangs = hangs_free(shown, seen_hands.hands)
+    hangs = episode.no_table or hangs_free(shown, seen_hands.hands)
     if hangs:
         shown = without_table(shown)
     still = still_frames(shown, seen_hands)

@@ -1,5 +1,6 @@
 """The steps of a log done again: build, plan, prediction. Each gives what it showed."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -73,12 +74,17 @@ def replay_build(log: ReplayedLog, progress: Progress) -> Comparison:
         return Comparison(step="build", outcome=outcome, detail=detail)
     bounds = np.cumsum([0, *frames])
     episodes = [
-        decode_episode(
-            [record for each in records for record in each[first:last]],
-            name=episode["name"],
-            object_topic=topics[0],
-            controller_topic=topics[1],
-            ground_height=episode["ground_height"],
+        dataclasses.replace(
+            decode_episode(
+                [record for each in records for record in each[first:last]],
+                name=episode["name"],
+                object_topic=topics[0],
+                controller_topic=topics[1],
+                ground_height=episode["ground_height"],
+            ),
+            # Logs of earlier versions were of episodes of which nothing was declared.
+            held=episode.get("held", False),
+            no_table=episode.get("no_table", False),
         )
         for episode, (first, last) in zip(asked["episodes"], pairwise(bounds), strict=True)
     ]

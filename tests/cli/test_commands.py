@@ -24,6 +24,11 @@ from egophys_core.recording.vrs import import_vrs
 from egophys_core.twin import encode_twin, load_twin, save_twin
 from tests.cli.conftest import FAST_FIT, FAST_PLAN
 
+BASELINES = {
+    "last observed shape stays",
+    "moves with nearest controller",
+    "moves with nearest controller at best lag",
+}
 METRICS = {
     f"{part}_{name}"
     for part in ("train", "test", "all")
@@ -108,7 +113,7 @@ def test_build_tells_scores_of_twin_and_baselines(egophys_json, episode_bag, tmp
     twin = load_twin(tmp_path / "t.twin")
     assert content["twin_id"] == twin.twin_id
     assert twin.provenance.seed == 3
-    assert set(content["scores"]) == {"twin", "last observed shape stays", "moves with nearest controller"}
+    assert set(content["scores"]) == {"twin", *BASELINES}
     assert set(content["scores"]["twin"]) == METRICS
     assert content["scores"]["twin"] == twin.provenance.scores
     # What the copying baseline has on the frames it copies is not a number: null, as JSON has no NaN.
@@ -139,7 +144,7 @@ def test_evaluate_tells_the_scores_the_twin_was_built_with(egophys_json, twin_fi
     assert content["twin_id"] == twin.twin_id
     assert content["episode"] == "towel"
     assert content["warning"] == ""
-    assert set(content["baselines"]) == {"last observed shape stays", "moves with nearest controller"}
+    assert set(content["baselines"]) == BASELINES
 
 
 def test_a_twin_that_predicts_worse_than_no_physics_says_so(egophys, twin_file, episode_bag, tmp_path):

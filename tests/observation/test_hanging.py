@@ -90,6 +90,18 @@ def test_what_is_held_close_over_the_table_may_touch_it():
     assert not observe_episode(replace(episode, ground_height=low - 0.02)).hangs
 
 
+def test_what_is_said_of_holds_and_table_is_not_looked_for():
+    episode = recorded(4)
+    standing = replace(episode, controllers=np.repeat(episode.controllers[:1], episode.frames, axis=0))
+    low = float(np.nanmin(episode.points[..., 2]))
+    assert not any(hand.touches for hand in observe_episode(standing).hands)
+    said = observe_episode(replace(standing, held=True, no_table=True, ground_height=low - 0.02))
+    assert [[(each.first, each.last) for each in hand.contacts] for hand in said.hands] == [
+        [(0, episode.frames - 1)]
+    ] * 2
+    assert said.hangs
+
+
 def test_track_is_told_by_where_it_rests_and_not_by_a_first_frame_that_is_shifted_by_a_cell():
     episode = recorded(5, delay=0.3)
     points = episode.points.copy()

@@ -39,6 +39,8 @@ def episode_source(
     return EpisodeSource(
         source=choice.source,
         force=choice.force,
+        held=choice.held,
+        no_table=choice.no_table,
         object_topic=recorded_name(node, "object_topic"),
         controller_topic=recorded_name(node, "controller_topic"),
         perception=perception,

@@ -118,7 +118,13 @@ class TwinTopics:
 
 def _described(loaded: LoadedEpisode, source: EpisodeSource) -> dict[str, Any]:
     episode, report = loaded.episode, loaded.report
-    described = {"name": episode.name, "frames": episode.frames, "ground_height": episode.ground_height}
+    described = {
+        "name": episode.name,
+        "frames": episode.frames,
+        "ground_height": episode.ground_height,
+        "held": episode.held,
+        "no_table": episode.no_table,
+    }
     if report is None:
         return described
     return described | {

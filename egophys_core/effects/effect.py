@@ -52,10 +52,10 @@ class Body:
     """[E] N s/m."""
     gravity: float
     """m/s^2, downward."""
-    added_mass: float
-    """Of the air that a thin object carries along its normal, over its own mass."""
     begins: float
     """Seconds since the start of the episode at which the rollout begins."""
+    added_mass: float = 0.0
+    """Of the air that a thin object carries along its normal, over its own mass."""
 
 
 Numbers = Callable[[Values, Body], np.ndarray]

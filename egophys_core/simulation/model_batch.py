@@ -148,26 +148,25 @@ def _holds(controls: Controls, place: np.ndarray) -> bool:
     return bool((np.linalg.norm(holding - place, axis=1) < SAME_PLACE).any())
 
 
-def _loaded(body: Body, controls: Controls) -> Body:
-    """The body with what its nodes carry.
+def _body(model: ObjectModel, start: np.ndarray, controls: Controls) -> Body:
+    """The body of a model as its effects make it, with what it carries.
+
+    What a payload takes off nodes is part of the object, which effects change; what it adds is not.
 
     Raises:
         SimulationError: nothing would be left of a node.
     """
-    masses = body.masses if controls.payload is None else body.masses + controls.payload
+    graph = model.graph
+    masses = node_masses(model).astype(np.float64)
+    payload = np.zeros_like(masses) if controls.payload is None else controls.payload
+    masses = masses + np.minimum(payload, 0.0)
     if not (masses > 0.0).all():
         node = int(np.argmin(masses))
         raise SimulationError(f"controls payload leaves {masses[node]:.3g} kg of node {node}; it must be more than 0")
-    return replace(body, masses=masses)
-
-
-def _body(model: ObjectModel, start: np.ndarray, controls: Controls) -> Body:
-    """The body of a model as its effects make it, with what it carries."""
-    graph = model.graph
     body = Body(
         positions=start.astype(np.float64),
         rest_positions=graph.positions.astype(np.float64),
-        masses=node_masses(model).astype(np.float64),
+        masses=masses,
         springs=graph.springs,
         bending=graph.kinds == SpringKind.BENDING,
         stiffness=model.stiffness.astype(np.float64),
@@ -179,7 +178,7 @@ def _body(model: ObjectModel, start: np.ndarray, controls: Controls) -> Body:
     for term in model.effects:
         adapt = effect_named(term.name).adapt
         body = adapt(term.values, body) if adapt else body
-    return _loaded(body, controls)
+    return replace(body, masses=body.masses + np.maximum(payload, 0.0))
 
 
 def _frame(model: ObjectModel) -> np.ndarray:

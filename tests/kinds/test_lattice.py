@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 from scipy.sparse import diags
 from scipy.sparse.linalg import eigsh
 
+from egophys_core.effects import TwinEffect
 from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError, SimulationError
 from egophys_core.identification import FitOptions, evaluate_twin
@@ -105,6 +106,20 @@ def test_a_node_that_would_weigh_nothing_is_refused(cantilever: tuple[MarkerBody
     lifted = replace(controls, payload=np.where(np.arange(len(node_masses(model))) == 7, -1.0, 0.0))
     with pytest.raises(SimulationError, match=r"payload leaves .* kg of node 7"):
         batch_of_models([model], [lifted], ground_height=-10.0)
+
+
+def test_mass_that_an_effect_shifts_away_leaves_what_relieves_markers_positive(
+    cantilever: tuple[MarkerBody, ObjectModel, Episode],
+) -> None:
+    body, model, episode = cantilever
+    values = {"x": -0.05, "y": 0.0, "z": 0.0, "radius": 0.01, "fraction": 4.0}
+    uneven = replace(model, effects=(TwinEffect(name="uneven_mass", values=values),))
+    controls = place_markers(model, body.grasp, episode, load=0.1).controls
+    masses = batch_of_models([uneven], [controls], ground_height=-10.0).masses[0]
+    assert masses.min() > 0.0
+    assert masses.sum() == pytest.approx(
+        batch_of_models([model], [controls], ground_height=-10.0).masses.sum(), rel=1e-4
+    )
 
 
 def test_a_load_slows_a_ring_down_as_it_does_a_beam(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:

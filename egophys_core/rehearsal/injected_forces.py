@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from egophys_core.rehearsal import bending_forces, edge_forces, field_forces, table_forces
+from egophys_core.rehearsal import bending_forces, carried_air, edge_forces, field_forces, table_forces
 from egophys_core.rehearsal.bodies import SoftBody
 from egophys_core.rehearsal.engine import FlexEngine
 from egophys_core.rehearsal.injection import Effects
@@ -49,6 +49,8 @@ def injected_terms(effects: Effects, body: SoftBody, engine: FlexEngine) -> list
         terms.append(edge_forces.edge_tensions(edges, laws, len(body.vertices)))
     if "plasticity" in effects:
         terms.append(edge_forces.plasticity(effects["plasticity"], edges, engine.edge_rest_lengths))
+    if "added_mass" in effects:
+        terms.append(carried_air.added_mass(effects["added_mass"], body))
     if "bending_damping" in effects:
         terms.append(bending_forces.bending_damping(effects["bending_damping"], body))
     return terms

@@ -58,6 +58,7 @@ INJECTABLE: dict[str, InjectableEffect] = {
         frequency=("Hz", 0.5, 0.5),
         phase=("rad", math.pi / 2.0, math.pi / 2.0),
     ),
+    "added_mass": _effect("(m + ratio m n n^T) a = F, n the normal of a sheet", ratio=("1", 0.3, 1.0)),
     "gravity_scale": _effect("a = -scale g z", scale=("1", 0.85, 0.6)),
     "gravity_tilt": _effect(
         "a = -g R z, R of the rotation vector (about_x, about_y, 0)",

@@ -200,8 +200,19 @@ def test_solid_keeps_its_inner_nodes_unseen():
 def test_hand_that_never_comes_near_is_refused():
     episode = sheet_episode()
     away = dataclasses.replace(episode, controllers=episode.controllers + np.float32([0, 0, 2.0]))
-    with pytest.raises(EpisodeError, match=r"synthetic: no hand moves the object \(no points within 0\.04 m"):
+    with pytest.raises(
+        EpisodeError, match=r"synthetic: no hand moves the object: none ever comes nearer .* than 2\.\d\d m"
+    ):
         build([away], SHORT, seed=0)
+
+
+def test_hand_that_waits_beside_the_object_is_refused():
+    episode = sheet_episode()
+    waits = dataclasses.replace(episode, controllers=np.repeat(episode.controllers[:1], episode.frames, axis=0))
+    beside = episode.points[0, 0] - waits.controllers[0].mean(axis=0) + np.float32([0.0, 0.0, 0.02])
+    waits = dataclasses.replace(waits, controllers=waits.controllers + beside)
+    with pytest.raises(EpisodeError, match=r"synthetic: no hand moves the object \(no points within 0\.04 m"):
+        build([waits], SHORT, seed=0)
 
 
 def test_no_episode_and_too_short_ones_are_refused():

@@ -98,6 +98,7 @@ def spring_derivatives(*, plain: bool, grips: bool) -> dict[str, np.ndarray]:
     numbers = ParameterArrays()
     for name in (*PARAMETER_NAMES, "contact_height"):
         setattr(numbers, name, lanes(generator.uniform(0, 1, 2 * LANES)))
+    numbers.across = wp.zeros((0, 4), dtype=int, device="cpu", requires_grad=True)
     numbers.masses, numbers.inverse_masses = (lanes(np.ones((2 * LANES, nodes))) for _ in range(2))
     state = StateArrays()
     state.positions, state.velocities = (lanes(generator.normal(0, 1, (2 * LANES, points, 3))) for _ in range(2))

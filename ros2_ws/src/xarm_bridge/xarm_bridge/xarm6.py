@@ -173,7 +173,11 @@ class XArm6(ArmDriver):
 
     def gripper_opening(self) -> float:
         """Measured opening, metres."""
-        pulses = self._call("reading the gripper", self._api.get_gripper_position, check_baud=False)
+        doing = "reading the gripper"
+        pulses = self._call(doing, self._api.get_gripper_position, check_baud=False)
+        if pulses is None:
+            # What the SDK returns where the connection ends amid the answer.
+            raise ArmLostError(f"{doing}: the controller at {self._address} answered without a position; is it on?")
         return float(pulses) / PULSES_PER_METRE
 
     def halt(self) -> None:

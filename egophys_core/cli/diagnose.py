@@ -109,8 +109,9 @@ def _print_summary(diagnosis: "Diagnosis") -> None:
         )
     print_table(
         "error in mm, before and after (TE track error, CD Chamfer distance;\n"
-        "held: TE with the last residual held; new: an episode that was not fitted)",
-        ("episode", "TE before", "TE after", "held", "CD before", "CD after"),
+        "held: TE with the last residual held; follow: TE of points that move with the nearest hand at its best lag;\n"
+        "new: an episode that was not fitted)",
+        ("episode", "TE before", "TE after", "held", "follow", "CD before", "CD after"),
         [_error(each) for each in content["error"]],
     )
 
@@ -134,6 +135,9 @@ def _parameter(name: str, estimate: dict[str, Any]) -> tuple[str, ...]:
 def _error(error: dict[str, Any]) -> tuple[str, ...]:
     from egophys_core.reporting import millimetres
 
-    names = ("track_before_m", "track_after_m", "last_residual_track_m", "chamfer_before_m", "chamfer_after_m")
+    names = (
+        *("track_before_m", "track_after_m", "last_residual_track_m", "follow_track_m"),
+        *("chamfer_before_m", "chamfer_after_m"),
+    )
     fitted = "fitted" if error["fitted"] else "new"
     return f"{escape(error['episode'])} ({fitted})", *(millimetres(error[name]) for name in names)

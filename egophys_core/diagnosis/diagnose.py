@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from egophys_core import __version__
-from egophys_core.diagnosis.diagnosis import Candidate, Diagnosis, Evidence, NamedEffect
+from egophys_core.diagnosis.diagnosis import Candidate, Diagnosis, Evidence, NamedEffect, PredictionErrors
 from egophys_core.diagnosis.direct.measure import MeasuredEffect, measure
 from egophys_core.diagnosis.evidence.baseline_twin import baseline_beside, fit_baseline, follows
 from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_error, free_errors
@@ -157,6 +157,10 @@ def _diagnose_observed(
     before = (without_them or first.before).model
     errors = [free_errors(each, [before, found.fitted.model]) for each in everywhere]
     offsets = [track_offsets(each, [before])[0][0] for each in observations]
+    error = tuple(
+        episode_error(each, *pair, fitted=index < len(observations))
+        for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
+    )
     improved = _new_version(twin, found.fitted.model, [each.episode for each in observations], options, seed)
     diagnosis = Diagnosis(
         outcome=found.outcome,
@@ -168,13 +172,11 @@ def _diagnose_observed(
         decisions=found.decisions,
         experiment=found.experiment,
         where=where(observations, offsets, first.law.formula),
-        error=tuple(
-            episode_error(each, *pair, fitted=index < len(observations))
-            for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
-        ),
+        error=error,
         seconds=time.monotonic() - started,
         reason=found.reason
-        + _lost(each.episode.name for each, kept in zip(validation, followed, strict=True) if not kept),
+        + _lost(each.episode.name for each, kept in zip(validation, followed, strict=True) if not kept)
+        + _beaten(error),
         twin_id=twin.twin_id,
         improved_twin_id=improved.twin_id,
     )
@@ -236,6 +238,21 @@ def _lost(names: Iterable[str]) -> str:
     """What to add to a reason of episodes that could not be followed."""
     listed = ", ".join(names)
     return f"; without any effect the twin does not follow {listed}, so nothing was tried there" if listed else ""
+
+
+def _beaten(errors: Sequence[PredictionErrors]) -> str:
+    """What to add to a reason of episodes that are predicted better without physics."""
+    worse = [each for each in errors if each.follow_track_m < each.track_after_m]
+    if not worse:
+        return ""
+    listed = ", ".join(
+        f"{each.episode} ({1e3 * each.track_after_m:.0f} mm, {1e3 * each.follow_track_m:.0f} without physics)"
+        for each in worse
+    )
+    return (
+        f"; the improved twin predicts worse than points that move with the nearest hand in {listed}: do not plan such "
+        "motions with it, but build it from one of these, too"
+    )
 
 
 def _candidates(first: Search, measured: Sequence[MeasuredEffect]) -> tuple[Candidate, ...]:

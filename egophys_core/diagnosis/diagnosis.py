@@ -112,6 +112,8 @@ class PredictionErrors:
     chamfer_after_m: float
     last_residual_track_m: float
     """The baseline: before, with the residual of the last fitted frame held."""
+    follow_track_m: float
+    """Without physics: points move with the nearest hand, at the lag that fits the train frames best."""
     fitted: bool
     """Whether the episode took part in the fit."""
 

@@ -115,6 +115,7 @@ def episode_error(
         chamfer_before_m=0.004,
         chamfer_after_m=0.0025,
         last_residual_track_m=0.0066,
+        follow_track_m=0.031,
         fitted=fitted,
     )
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from egophys_core.diagnosis.diagnosis import PredictionErrors
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
-from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
+from egophys_core.evaluation import chamfer_per_frame, lagging_prediction, track_error_per_frame
+from egophys_core.observation import contact_flags
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 
@@ -76,12 +77,16 @@ def episode_error(
     observation: TrackedEpisode, before: FreeErrors, after: FreeErrors, *, fitted: bool
 ) -> PredictionErrors:
     """Means over all frames from first contact on, metres."""
+    episode = observation.episode
+    follows = lagging_prediction(episode, contact_flags(episode, observation.problem.hands))
+    without_physics = track_error_per_frame(follows, episode.points, np.arange(episode.points.shape[1]))
     return PredictionErrors(
-        episode=observation.episode.name,
+        episode=episode.name,
         track_before_m=float(np.nanmean(before.track)),
         track_after_m=float(np.nanmean(after.track)),
         chamfer_before_m=float(np.nanmean(before.chamfer)),
         chamfer_after_m=float(np.nanmean(after.chamfer)),
         last_residual_track_m=float(np.nanmean(before.last_residual_track)),
+        follow_track_m=float(np.nanmean(without_physics[max(observation.touched, 1) :])),
         fitted=fitted,
     )

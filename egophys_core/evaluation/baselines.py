@@ -23,7 +23,7 @@ def baseline_scores(episode: Episode, contact: np.ndarray) -> dict[str, Scores]:
     predictions = {
         "last observed shape stays": static_prediction(episode),
         "moves with nearest controller": rigid_follow_prediction(episode, contact),
-        "moves with nearest controller at best lag": lagging_prediction(episode, contact),
+        "nearest controller at its best lag": lagging_prediction(episode, contact),
     }
     scores = {}
     for name, prediction in predictions.items():

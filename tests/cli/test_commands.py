@@ -27,7 +27,7 @@ from tests.cli.conftest import FAST_FIT, FAST_PLAN
 BASELINES = {
     "last observed shape stays",
     "moves with nearest controller",
-    "moves with nearest controller at best lag",
+    "nearest controller at its best lag",
 }
 METRICS = {
     f"{part}_{name}"

@@ -76,7 +76,7 @@ def test_points_recorded_late_are_followed_at_their_lag(lag):
     points = np.array([[0.02, 0, 0], [0, 0.1, 0]]) + (late - late[0])[:, None]
     scores = baseline_scores(episode_of(points, hand[:, None], times), np.ones((60, 1), bool))
     assert scores["moves with nearest controller"].test_track_m > 0.02
-    assert scores["moves with nearest controller at best lag"].test_track_m < 0.004
+    assert scores["nearest controller at its best lag"].test_track_m < 0.004
 
 
 def test_scores_of_the_baselines_by_hand():

@@ -8,8 +8,9 @@ from egophys_core.episode import Episode
 from egophys_core.interpolation import values_at
 from egophys_core.observation.contact import SeenHands
 
-HELD_STILL_M = 0.005
-"""Metres: hands that hold from the first frame on and have moved no farther have not moved the object yet."""
+HELD_STILL_M, HELD_STILL_S = 0.005, 1.0
+"""Metres: hands that hold from the first frame on and have moved no farther have not moved the object yet; and seconds
+for which that is believed: it may swing under hands that stand."""
 
 NEAR_M = 0.1
 """Metres from a hand that holds within which tracks keep their distance to it, more or less."""
@@ -78,5 +79,5 @@ def _unusual(episode: Episode, delay: float) -> np.ndarray:
 def _moving(episode: Episode, delay: float) -> int:
     """The first frame in whose points hands are seen to have moved."""
     far = np.linalg.norm(episode.controllers - episode.controllers[0], axis=2).max(axis=1) > HELD_STILL_M
-    begins = episode.times[int(np.argmax(far))] if far.any() else np.inf
-    return int(np.searchsorted(episode.times, begins + delay))
+    begins = episode.times[int(np.argmax(far))] + delay if far.any() else np.inf
+    return int(np.searchsorted(episode.times, min(begins, HELD_STILL_S)))

@@ -186,7 +186,8 @@ def test_a_build_gives_the_twin_of_an_in_process_build(start_twin_node, client, 
     assert wait_for_job(client, BuildJob.SUCCEEDED).job_id == handle.goal_id
     training = json.loads(client.message(String, f"{NODE}/training/build", qos=latched()).data)
     assert training["seed"] == SEED
-    assert training["episodes"] == [{"name": NAME, "frames": FRAMES, "ground_height": 0.0}]
+    expected = {"name": NAME, "frames": FRAMES, "ground_height": 0.0, "held": False, "no_table": False}
+    assert training["episodes"] == [expected]
     for name in ("object", "controller"):
         stamps = set()
 

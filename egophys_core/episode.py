@@ -1,6 +1,6 @@
 """Episode: what was observed of one handling of one object."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,6 +95,16 @@ class Episode:
     def frames(self) -> int:
         """Number of frames T."""
         return len(self.times)
+
+    def from_frame(self, first: int) -> "Episode":
+        """The episode from a frame on, which is its first then."""
+        return replace(
+            self,
+            times=self.times[first:] - self.times[first],
+            points=self.points[first:],
+            confidence=self.confidence[first:],
+            controllers=self.controllers[first:],
+        )
 
     @property
     def train_frames(self) -> int:

@@ -52,19 +52,13 @@ def from_rest(episode: Episode, still: int, delay: float) -> Episode:
     off = _unusual(episode, delay)[:still]
     usual = np.flatnonzero(off <= np.nanmin(off, initial=np.inf) + AGREES_M)
     first = int(usual[0]) if len(usual) else 0
-    frames = slice(first, None)
-    points = episode.points[frames].copy()
+    shown = episode.from_frame(first)
+    points = shown.points.copy()
     if len(usual):
         places = np.nanmedian(episode.points[usual], axis=0)
         seen = np.isfinite(points[0])
         points[0][seen] = places[seen]
-    return replace(
-        episode,
-        times=episode.times[frames] - episode.times[first],
-        points=points,
-        confidence=episode.confidence[frames],
-        controllers=episode.controllers[frames],
-    )
+    return replace(shown, points=points)
 
 
 def _unusual(episode: Episode, delay: float) -> np.ndarray:

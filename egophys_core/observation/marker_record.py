@@ -66,16 +66,7 @@ def from_all_seen(episode: Episode) -> Episode:
             f"{episode.name}: no frame shows all {seen.shape[1]} markers, and a twin of markers begins with one; leave "
             f"out marker {episode.point_ids[hidden]}, seen in {seen[:, hidden].sum()} of {episode.frames} frames"
         )
-    if first == 0:
-        return episode
-    rest = slice(first, None)
-    return replace(
-        episode,
-        times=episode.times[rest] - episode.times[first],
-        points=episode.points[rest],
-        confidence=episode.confidence[rest],
-        controllers=episode.controllers[rest],
-    )
+    return episode.from_frame(first) if first else episode
 
 
 @dataclass(frozen=True, kw_only=True)

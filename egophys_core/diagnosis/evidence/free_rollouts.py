@@ -8,7 +8,6 @@ import numpy as np
 from egophys_core.diagnosis.diagnosis import PredictionErrors
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.evaluation import chamfer_per_frame, lagging_prediction, track_error_per_frame
-from egophys_core.observation import contact_flags
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 
@@ -78,7 +77,7 @@ def episode_error(
 ) -> PredictionErrors:
     """Means over all frames from first contact on, metres."""
     episode = observation.episode
-    follows = lagging_prediction(episode, contact_flags(episode, observation.problem.hands))
+    follows = lagging_prediction(episode, observation.contact)
     without_physics = track_error_per_frame(follows, episode.points, np.arange(episode.points.shape[1]))
     return PredictionErrors(
         episode=episode.name,

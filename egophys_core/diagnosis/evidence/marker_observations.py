@@ -52,6 +52,7 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Tr
     block = max(RING_DOWN_BLOCK_S if mounted else BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
     return TrackedEpisode(
         problem=problem,
+        contact=observed.contact,
         tracks=_tracks(problem),
         touched=0,
         rest=problem.episode.points[0].astype(np.float64),

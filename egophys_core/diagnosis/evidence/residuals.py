@@ -46,6 +46,8 @@ class TrackedEpisode:
     """An episode prepared for observers of one twin: its tracks, in patches and blocks of time."""
 
     problem: FitProblem
+    contact: np.ndarray
+    """[T, C] uint8 `ContactKind` of each controller point of the episode."""
     tracks: ObservedTracks
     touched: int
     """First frame of contact."""
@@ -126,6 +128,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
         delay=observed.delay,
         noise=observed.noise,
         hangs=observed.hangs,
+        contact=observed.contact,
         rate=FREE if observed.hangs else RATE,
         first=int(np.searchsorted(times, times[touched] - LEAD_S)),
         patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),

@@ -242,8 +242,11 @@ class PlanExecutor:
             pose = pose_at(clock)
             guard.check(pose)
             self._require_permit()
+            target = self._calibration.tcp_in_base(pose)
+            # After a stall not even the pose that was next: what it handles has moved on.
+            self._gap_since(last)
             try:
-                self._driver.stream(self._calibration.tcp_in_base(pose))
+                self._driver.stream(target)
             except RobotError:
                 if self._stop_requested.is_set():  # the stop came first and the pose was refused
                     break
@@ -253,15 +256,20 @@ class PlanExecutor:
                 return True
             cycle += 1
             self._clock.sleep(max(0.0, last + self._driver.stream_period - self._clock.now()))
-            now = self._clock.now()
-            if now - last > LONGEST_STALL:
-                raise RobotError(
-                    f"this machine held the stream of poses up for {now - last:.1f} s; the arm was halted, plan again"
-                )
-            self.longest_gap = max(self.longest_gap, now - last)
-            clock = min(clock + min(now - last, LONGEST_STEP), duration)
-            last = now
+            gap = self._gap_since(last)
+            self.longest_gap = max(self.longest_gap, gap)
+            clock = min(clock + min(gap, LONGEST_STEP), duration)
+            last += gap
         return False
+
+    def _gap_since(self, last: float) -> float:
+        """Seconds since the last pose was due; an error where the plan must not go on after them."""
+        gap = self._clock.now() - last
+        if gap > LONGEST_STALL:
+            raise RobotError(
+                f"this machine held the stream of poses up for {gap:.1f} s; the arm was halted, plan again"
+            )
+        return gap
 
     def _settle(self, sample: Callable[[], None]) -> bool:
         """Wait until tool and fingers stand still (fingers on an object never arrive); False on a stop."""

@@ -86,6 +86,19 @@ def test_after_a_short_stall_the_plan_goes_on_late_and_after_a_long_one_it_ends(
     assert not arm.is_streaming, "halted"
 
 
+def test_after_a_long_stall_not_one_pose_more_is_streamed(arm):
+    time, streamed = Time(), []
+
+    def stall():
+        if len(arm.streamed) == 100:
+            time.now += 3.0
+            streamed.append(len(arm.streamed))
+
+    with pytest.raises(RobotError, match=r"held the stream of poses up for 3.0 s"):
+        executor(arm, time, require_permit=stall).execute(PLAN)
+    assert streamed == [100] and len(arm.streamed) == 100
+
+
 @pytest.mark.parametrize(
     ("what", "error", "reason"),
     [

@@ -184,6 +184,10 @@ class Unknowns:
     """[D] first guess of what the ring-down tells; NaN where the static deflection tells it."""
     model: Callable[[np.ndarray], tuple[MarkerBody, ObjectModel]]
     """From numbers [D] to the body, placed as they say, and its model."""
+    later: np.ndarray | None = None
+    """[D] bool, which numbers join once the others are refined; None for none of them."""
+    prior: np.ndarray | None = None
+    """[R, D] whose products with numbers are residuals, too, in errors of the fit without the later ones."""
 
     def about(self, numbers: np.ndarray, stiffer: np.ndarray) -> np.ndarray:
         """[K, D] first guesses for the ring-down, of stiffnesses [K] times that of some numbers [D]."""

@@ -51,6 +51,19 @@ DAMPING_RATIO = 0.02
 CURVATURE_STEP = 0.1
 """Intrinsic curvature times the length of a rod: first step of a fit."""
 
+KNOTS, UNEVEN_STEP = 8, 0.3
+"""Places along a rod between which its intrinsic curvature varies, and the first step there, times its length."""
+
+PRIOR = 0.015
+"""Errors of the fit with an even intrinsic curvature that a curvature of 1 over the rod's length costs at a knot: about
+one over the root of what markers tell apart, over curvatures of 4."""
+
+ROLL_STEP = 0.1
+"""Radians, of how the far clamp is turned: first step of a fit."""
+
+EVEN = 6
+"""Numbers of a rod before those of the knots."""
+
 DIAGNOSED_CURVATURE_STEP = 0.2
 """The same: step of a diagnosis."""
 
@@ -87,38 +100,68 @@ def rod_body(seen: SeenMarkers, template: Template | None) -> MarkerBody | None:
         length=length,
         is_size_known=template is not None,
         notes=(
-            f"a rod: {1000 * length:.1f} mm of it are free, along the curve through held points and markers, "
-            "alike all along",
+            f"a rod: {1000 * length:.1f} mm of it are free, along the curve through held points and markers",
+            "it is alike all along",
         ),
     )
 
 
 def unknowns(body: MarkerBody, known: int, density: float) -> Unknowns:
-    """Flexural rigidity over mass per length, m^4/s^2, and damping ratio of the first mode between two clamps; and
-    the rod's intrinsic curvature, 1/m to its level left and up.
+    """Flexural rigidity over mass per length, m^4/s^2, and damping ratio of the first mode between two clamps, a drag,
+    the intrinsic curvature, 1/m to its level left and up, and later on how the far clamp is turned about the rod's
+    line, radians, and how the intrinsic curvature varies along the rod: what it is more at each of `KNOTS`, between
+    which it is linear.
 
     How a rod points is told by the curve that it is seen on. If hands move it, it swings whatever its drag is.
     """
     rigidities = np.log(rigidity_of(BENDING_LENGTHS * body.length))
+    along = hat_functions(body)
 
     def model(numbers: np.ndarray) -> tuple[MarkerBody, ObjectModel]:
         rigidity, ratio = (float(number) for number in np.exp(numbers[:2]))
         time = retardation_of(rigidity, body.length, ratio)
-        drag, level, up = (float(number) for number in numbers[2:])
+        drag, level, up, far_roll = (float(number) for number in numbers[2:EVEN])
         rod = rod_model(body, density=density, rigidity=rigidity, retardation_time=time, drag=drag)
-        return body, replace(
-            rod, parameters=replace(rod.parameters, intrinsic_curvature_level=level, intrinsic_curvature_up=up)
+        even = replace(
+            rod.parameters, intrinsic_curvature_level=level, intrinsic_curvature_up=up, far_roll=far_roll
         )
+        uneven = (along @ numbers[EVEN:].reshape(KNOTS, 2)).astype(np.float32)
+        if not uneven.any():
+            return body, replace(rod, parameters=even)
+        most = float(np.linalg.norm(uneven + [level, up], axis=1).max())
+        bent = f"its intrinsic curvature varies along it, up to {most:.1f} 1/m; it is alike otherwise"
+        return replace(body, notes=(body.notes[0], bent)), replace(rod, parameters=even, intrinsic_curvature=uneven)
 
+    count = EVEN + 2 * KNOTS
+    later = np.arange(count) >= EVEN - 1
+    curvature_steps = [CURVATURE_STEP / body.length] * 2, [UNEVEN_STEP / body.length] * (2 * KNOTS)
+    start = [0.0] * (count - 3)
     return Unknowns(
-        steps=np.array([0.1, 0.7, 0.3, *[CURVATURE_STEP / body.length] * 2]),
-        low=np.array([-np.inf, -np.inf, 0.0, -np.inf, -np.inf]),
+        steps=np.array([0.1, 0.7, 0.3, *curvature_steps[0], ROLL_STEP, *curvature_steps[1]]),
+        low=np.where(np.arange(count) == 2, 0.0, -np.inf),
         static_deflection=np.array(
-            [[each, np.log(DAMPING_RATIO), drag, 0.0, 0.0] for drag, each in product(DRAGS, rigidities)]
+            [[each, np.log(DAMPING_RATIO), drag, *start] for drag, each in product(DRAGS, rigidities)]
         ),
-        ring_down=np.full(5, np.nan),
+        ring_down=np.full(count, np.nan),
         model=model,
+        later=later,
+        prior=_smoothness(body.length),
     )
+
+
+def hat_functions(body: MarkerBody) -> np.ndarray:
+    """[N, KNOTS] the share of each knot, evenly along the free length, in what is linear between them, at the nodes."""
+    lengths = body.graph.rest_lengths.astype(np.float64)
+    # The first piece is the near clamp's.
+    at = (np.concatenate([[0.0], np.cumsum(lengths)]) - lengths[0]) / body.length
+    return np.maximum(0.0, 1.0 - np.abs(np.clip(at, 0.0, 1.0)[:, None] * (KNOTS - 1) - np.arange(KNOTS)))
+
+
+def _smoothness(length: float) -> np.ndarray:
+    """[R, D] what says that a rod's intrinsic curvature is little more at a knot than elsewhere, and alike at the next."""
+    size = np.eye(2 * KNOTS)
+    rows = PRIOR * length * np.concatenate([size, size[2:] - size[:-2]])
+    return np.pad(rows, ((0, 0), (EVEN, 0)))
 
 
 def rigidity_of(bending_length: FloatOrArray) -> FloatOrArray:

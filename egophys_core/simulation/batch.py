@@ -43,9 +43,11 @@ class Rods:
     far_clamps: np.ndarray
     """[K] bool: whether a clamp holds the last node."""
     curvatures: np.ndarray
-    """[K, 3] 1/m, the intrinsic curvature on the straight rod."""
+    """[K, N, 3] 1/m, the intrinsic curvature at the nodes on the straight rod."""
+    far_rolls: np.ndarray
+    """[K] radians by which the far clamp holds the rod turned about its line."""
     axes: np.ndarray
-    """[K, 3] from the first node to the last at the start, of length 1."""
+    """[K, 3] direction of the straight rod, of length 1."""
     lengths: np.ndarray
     """[K, N - 1] metres of the pieces between nodes."""
     rates: np.ndarray

@@ -93,7 +93,7 @@ def batch_of_models(
         controls=tuple(as_they_were(each, model.effects, dtype) for model, each in zip(models, controls, strict=True)),
         effects=_in_every_substep(models, bodies, dtype),
         across=_across(first, parameters),
-        rods=_bending(models, masses, np.stack(positions), controls),
+        rods=_bending(models, masses, np.stack(positions), controls, frames),
         flat=kind.lies_flat,
         ground_height=ground_height,
         frames=frames,
@@ -123,15 +123,31 @@ def _of_batch(effect: Effect, rows: dict[int, np.ndarray], count: int, dtype: Pr
 
 
 def _bending(
-    models: Sequence[ObjectModel], masses: np.ndarray, starts: np.ndarray, controls: Sequence[Controls]
+    models: Sequence[ObjectModel],
+    masses: np.ndarray,
+    starts: np.ndarray,
+    controls: Sequence[Controls],
+    frames: np.ndarray | None,
 ) -> Rods | None:
-    """What rods of masses [K, N] kg that begin at starts [K, N, 3], metres, resist besides being stretched."""
+    """What rods of masses [K, N] kg that begin at starts [K, N, 3], metres, resist besides being stretched.
+
+    Args:
+        frames: [K, 4, 4] of their records; None where all are the world.
+    """
     if not kind_of(models[0]).is_line:
         return None
     lengths = np.stack([model.graph.rest_lengths for model in models])
     far_clamps = [_holds(each, start[-1]) for each, start in zip(controls, starts, strict=True)]
-    parameters = [model.parameters for model in models]
-    return rod_bending(parameters, lengths, masses, starts, np.array(far_clamps))
+    straight = np.stack([model.graph.positions[-1] - model.graph.positions[0] for model in models]).astype(np.float64)
+    alike = np.zeros((masses.shape[1], 2))
+    return rod_bending(
+        [model.parameters for model in models],
+        lengths,
+        masses,
+        straight if frames is None else into_world_directions(straight[:, None], frames)[:, 0],
+        np.array(far_clamps),
+        np.stack([alike if each.intrinsic_curvature is None else each.intrinsic_curvature for each in models]),
+    )
 
 
 def _across(model: ObjectModel, parameters: Sequence[PhysicalParameters]) -> np.ndarray:

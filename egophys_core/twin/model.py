@@ -20,6 +20,9 @@ class ObjectModel:
     parameters: PhysicalParameters
     stiffness: np.ndarray
     """[E] float32, N/m, per spring."""
+    intrinsic_curvature: np.ndarray | None = None
+    """[N, 2] float32, 1/m: of a rod, its curvature at each node when nothing acts on it, to its level left and up, beyond
+    that of the parameters; None where it is alike all along."""
     effects: tuple[TwinEffect, ...] = ()
     """What acts besides springs, gravity, table and hands (`egophys_core.effects`)."""
 
@@ -30,6 +33,9 @@ class ObjectModel:
             )
         if not (np.isfinite(self.stiffness).all() and (self.stiffness > 0).all()):
             raise TwinError(f"stiffness must be finite and positive, got a minimum of {self.stiffness.min()} N/m")
+        uneven, nodes = self.intrinsic_curvature, len(self.graph.positions)
+        if uneven is not None and not (uneven.shape == (nodes, 2) and np.isfinite(uneven).all()):
+            raise TwinError(f"intrinsic_curvature must be ({nodes}, 2) finite numbers in 1/m, got {uneven.shape}")
 
     @property
     def spring_damping(self) -> np.ndarray:

@@ -11,6 +11,8 @@ from egophys_core.constants import GRAVITY
 from egophys_core.errors import TwinError
 
 INTRINSIC_CURVATURE = ("intrinsic_curvature_level", "intrinsic_curvature_up")
+
+SIGNED = (*INTRINSIC_CURVATURE, "far_roll")
 """Parameters of a rod, which alone may be negative."""
 
 FORMER_NAMES = {"intrinsic_curvature_level": "natural_bend_level", "intrinsic_curvature_up": "natural_bend_up"}
@@ -52,6 +54,8 @@ class PhysicalParameters:
     """Of a rod, 1/m: its curvature when nothing acts on it, to its level left (`level_axes`)."""
     intrinsic_curvature_up: float = 0.0
     """The same, to above."""
+    far_roll: float = 0.0
+    """Of a rod, radians: how its far clamp holds it turned about its line, beyond the near one."""
     restitution: float = 0.0
     """Share of the normal speed kept in a bounce off the table, 0..1."""
     friction: float = 0.5
@@ -80,7 +84,7 @@ class PhysicalParameters:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if not np.isfinite(value) or (value < 0 and field.name not in INTRINSIC_CURVATURE):
+            if not np.isfinite(value) or (value < 0 and field.name not in SIGNED):
                 raise TwinError(f"{field.name} must be finite and not negative, got {value}")
         for name in ("total_mass", "stiffness", "controller_radius"):
             if getattr(self, name) == 0:
@@ -90,7 +94,7 @@ class PhysicalParameters:
                 raise TwinError(f"{name} must be in 0..1, got {getattr(self, name)}")
 
 
-LATER = ("added_mass",)
+LATER = ("added_mass", "far_roll")
 """Parameters that came later: those of twins of before are 0, and no part of their ids."""
 
 

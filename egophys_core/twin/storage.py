@@ -49,6 +49,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
         raise TwinError(f"{name} has twin format {version}, this version reads up to {READABLE[-1]}; build it again")
     try:
         stiffness, grasp = arrays.pop("stiffness"), arrays.pop("grasp")
+        uneven = arrays.pop("intrinsic_curvature", None)
         provenance = header["provenance"]
         return Twin(
             model=ObjectModel(
@@ -56,6 +57,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
                 graph=SpringGraph(**arrays),
                 parameters=PhysicalParameters(**with_present_names(header["parameters"])),
                 stiffness=stiffness,
+                intrinsic_curvature=uneven,
                 effects=tuple(_effect(each) for each in header.get("effects", [])),
             ),
             grasp=grasp,

@@ -63,7 +63,13 @@ class Twin:
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays of the twin by name, in a fixed order."""
         graph = {field.name: getattr(self.model.graph, field.name) for field in fields(SpringGraph)}
-        return {**graph, "stiffness": self.model.stiffness, "grasp": self.grasp}
+        uneven = self.model.intrinsic_curvature
+        return {
+            **graph,
+            "stiffness": self.model.stiffness,
+            "grasp": self.grasp,
+            **({} if uneven is None else {"intrinsic_curvature": uneven}),
+        }
 
     def header(self) -> dict[str, Any]:
         """All that is not an array, as JSON types."""

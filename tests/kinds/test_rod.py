@@ -10,7 +10,7 @@ from scipy.integrate import solve_bvp
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.errors import EpisodeError, OptionsError
-from egophys_core.identification import build
+from egophys_core.identification import build, evaluate_twin
 from egophys_core.identification.marker_fit import MarkerSearch
 from egophys_core.kinds.rod import rod_model
 from egophys_core.kinds.rod_curve import PIECES, Chain, bend_to, find_chain, rod_nodes
@@ -257,6 +257,28 @@ def test_an_intrinsic_curvature_is_found() -> None:
     # How much it is bent upwards is nearly the same as how stiff it is.
     assert twin.model.parameters.intrinsic_curvature_level == pytest.approx(1.5, abs=0.3)
     assert -1.2 < twin.model.parameters.intrinsic_curvature_up < -0.2
+
+
+def test_an_uneven_intrinsic_curvature_is_told_from_several_records() -> None:
+    """What was fitted to two motions foretells a third; an even curvature does not."""
+    still = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=70))
+    body = marker_body(still, None)
+    along = np.linspace(0.0, 1.0, len(body.graph.positions))
+    uneven = np.stack([3.0 * np.sin(6.0 * along), 2.0 * np.cos(9.0 * along)], axis=1)
+    straight = rod_model(body, density=1000.0, rigidity=0.01, retardation_time=0.015, drag=4.0)
+    bent = replace(straight, intrinsic_curvature=uneven.astype(np.float32))
+    hanging = rolled_out(bent, body, replace(still, controllers=np.repeat(still.controllers[:1], 70, axis=0)))
+    there = replace(still, points=np.repeat(hanging[-1:], 70, axis=0))
+    way = (1.0 - np.cos(2.0 * np.pi * 0.9 * there.times))[:, None, None] * (np.arange(4) > 1)[:, None]
+    records = []
+    for name, side in (("one", [0.0, 0.04, 0.0]), ("two", [-0.05, 0.0, 0.05]), ("three", [-0.04, -0.03, 0.02])):
+        carried = replace(there, name=name, controllers=there.controllers + np.float32(way * side))
+        records.append(replace(carried, points=rolled_out(bent, body, carried)))
+    twin = build(records[:2])
+    even = replace(twin, model=replace(twin.model, intrinsic_curvature=None))
+    found, without = (evaluate_twin(each, observe_episode(records[2]))[0].all_track_m for each in (twin, even))
+    assert found < 0.002
+    assert without > 3.0 * found
 
 
 def test_a_drag_that_grows_with_speed_does_not_make_a_rod_stiff() -> None:

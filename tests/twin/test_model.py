@@ -16,7 +16,7 @@ from egophys_core.twin import (
     connected_components,
     per_kind,
 )
-from egophys_core.twin.parameters import INTRINSIC_CURVATURE
+from egophys_core.twin.parameters import SIGNED
 from tests.simulation.scenes import parameters, sheet_model
 from tests.twin.examples import make_twin
 
@@ -135,7 +135,7 @@ def test_stiffness_of_a_spring_must_be_positive_and_finite(value):
 @pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(PhysicalParameters)])
 @pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
 def test_parameters_must_be_finite_and_not_negative(name, value):
-    if value == -0.1 and name in INTRINSIC_CURVATURE:
+    if value == -0.1 and name in SIGNED:
         assert getattr(parameters(**{name: value}), name) == value
         return
     with pytest.raises(TwinError, match=f"{name} must be finite and not negative, got {value}"):

@@ -51,6 +51,16 @@ def test_twin_comes_back_as_it_was(tmp_path):
     assert loaded.ground_height == -0.003
 
 
+def test_a_rod_comes_back_as_uneven_as_it_was():
+    twin = make_twin()
+    uneven = np.random.default_rng(1).normal(size=(len(twin.model.graph.positions), 2)).astype(np.float32)
+    bent = dataclasses.replace(twin, model=dataclasses.replace(twin.model, intrinsic_curvature=uneven))
+    assert np.array_equal(decode_twin(encode_twin(bent), name="it").model.intrinsic_curvature, uneven)
+    assert bent.twin_id != twin.twin_id
+    with pytest.raises(TwinError, match="finite numbers in 1/m"):
+        dataclasses.replace(twin.model, intrinsic_curvature=uneven[1:])
+
+
 def test_saving_again_replaces_the_file(tmp_path):
     path = tmp_path / "towel.twin"
     save_twin(make_twin(), path)
@@ -193,8 +203,8 @@ def test_a_twin_keeps_the_id_by_which_earlier_logs_name_it():
     parameters = header["parameters"]
     parameters["natural_bend_level"] = parameters.pop("intrinsic_curvature_level")
     parameters["natural_bend_up"] = parameters.pop("intrinsic_curvature_up")
-    # It came later.
-    del parameters["added_mass"]
+    # They came later.
+    del parameters["added_mass"], parameters["far_roll"]
     content = b"".join(np.ascontiguousarray(array).tobytes() for array in twin.arrays().values())
     former = hashlib.sha256(content + json.dumps(header, sort_keys=True).encode()).hexdigest()
     assert twin.twin_id == former[:16]

@@ -13,8 +13,9 @@ Trans. Biomed. Eng. 30 (1983) 125). What is least is the sum over nodes of
     GJ (theta_i+1 - theta_i + m_i)^2 / 2H - EI t . k((theta_i + theta_i+1) / 2)
 
 with pieces named by the node after them, t the discrete curvature and H as in `rod_bending`, and k the intrinsic
-curvature, 1/m, in a material frame at that angle. What a clamp holds is not turned: two points on a line do not tell
-that it rolls.
+curvature, 1/m, in a material frame at that angle. What a clamp holds is not turned but by how the far one took hold:
+two points on a line do not tell that it rolls. The axis is that of the straight rod of the twin, in each of its
+records, so what a gripper that does not turn holds has one side up in all of them.
 """
 
 import warp as wp
@@ -49,8 +50,10 @@ class RodArrays:
     """[G] GJ, N m^2."""
     far_clamps: wp.array(dtype=Lanes)
     """[G] 1 if a clamp holds the far end, else 0."""
-    curvatures: wp.array2d(dtype=Lanes)
-    """[G, 3] the intrinsic curvature on the straight rod, 1/m."""
+    curvatures: wp.array3d(dtype=Lanes)
+    """[G, N, 3] the intrinsic curvature at the nodes on the straight rod, 1/m."""
+    far_rolls: wp.array(dtype=Lanes)
+    """[G] radians, the angle of the last piece where a far clamp holds it."""
     axes: wp.array2d(dtype=Lanes)
     """[G, 3] direction of the straight rod."""
     lengths: wp.array2d(dtype=Lanes)
@@ -65,6 +68,12 @@ class RodArrays:
 def three(group: int, lane: int, values: wp.array2d(dtype=Lanes)) -> wp.vec3:
     """Three numbers of a lane."""
     return wp.vec3(values[group, 0][lane], values[group, 1][lane], values[group, 2][lane])
+
+
+@wp.func
+def three_at(group: int, node: int, lane: int, values: wp.array3d(dtype=Lanes)) -> wp.vec3:
+    """Three numbers of a node in a lane."""
+    return wp.vec3(values[group, node, 0][lane], values[group, node, 1][lane], values[group, node, 2][lane])
 
 
 @wp.func
@@ -158,10 +167,10 @@ def settle_material_frames(nodes: int, state: StateArrays, rods: RodArrays):
         rigidity = rods.rigidity[group][lane]
         torsion = rods.torsion[group][lane]
         axis = three(group, lane, rods.axes)
-        curvature = three(group, lane, rods.curvatures)
         for node in range(1, nodes - 1):
             length = rods.lengths[group, node - 1][lane]
             next_length = rods.lengths[group, node][lane]
+            curvature = three_at(group, node, lane, rods.curvatures)
             before, onward, here, intrinsic = edges_at(group, node, lane, axis, curvature, state.positions)
             discrete = onward / next_length - before / length
             before = wp.normalize(before)
@@ -171,7 +180,10 @@ def settle_material_frames(nodes: int, state: StateArrays, rods: RodArrays):
             material[group, node, ALONG][lane] = rigidity * wp.dot(discrete, intrinsic)
             material[group, node, ACROSS][lane] = rigidity * wp.dot(discrete, wp.cross(here, intrinsic))
             material[group, node, TWISTING][lane] = 2.0 * torsion / (length + next_length)
-        last = nodes - 1 - int(rods.far_clamps[group][lane])
+        last = nodes - 1
+        if rods.far_clamps[group][lane] > 0.0:
+            last = nodes - 2
+            material[group, nodes - 1, ANGLE][lane] = rods.far_rolls[group][lane]
         for _ in range(ROUNDS):
             step_of_newton(group, lane, nodes, last, material)
         for node in range(nodes):
@@ -182,6 +194,7 @@ def settle_material_frames(nodes: int, state: StateArrays, rods: RodArrays):
             next_angle = material[group, node + 1, ANGLE][lane]
             length = rods.lengths[group, node - 1][lane]
             next_length = rods.lengths[group, node][lane]
+            curvature = three_at(group, node, lane, rods.curvatures)
             before, onward, here, intrinsic = edges_at(group, node, lane, axis, curvature, state.positions)
             middle = 0.5 * (angle + next_angle)
             moment = rigidity * (wp.cos(middle) * intrinsic + wp.sin(middle) * wp.cross(here, intrinsic))

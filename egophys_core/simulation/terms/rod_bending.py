@@ -81,28 +81,31 @@ def rod_bending(
     parameters: Sequence[PhysicalParameters],
     lengths: np.ndarray,
     masses: np.ndarray,
-    starts: np.ndarray,
+    directions: np.ndarray,
     far_clamps: np.ndarray,
+    uneven: np.ndarray,
 ) -> Rods:
     """The bending of K rods.
 
     Args:
         lengths: [K, N - 1] metres of the pieces between nodes.
         masses: [K, N] kg.
-        starts: [K, N, 3] metres, where the nodes lie at the start: a rod's axis points from its first to its last.
+        directions: [K, 3] from the first node to the last of the straight rod, in the world.
         far_clamps: [K] whether a clamp holds the last node.
+        uneven: [K, N, 2] 1/m, intrinsic curvature at the nodes beyond that of the parameters.
     """
     stiff = np.array([each.flexural_rigidity for each in parameters])
     viscous = stiff * np.array([each.retardation_time for each in parameters])
-    axes = np.array([level_axes(start[-1] - start[0]) for start in starts])
-    curvatures = np.array([[each.intrinsic_curvature_level, each.intrinsic_curvature_up] for each in parameters])
+    axes = np.array([level_axes(direction) for direction in directions])
+    even = np.array([[each.intrinsic_curvature_level, each.intrinsic_curvature_up] for each in parameters])
     fastest = np.array([fastest_bending(*each) for each in zip(lengths, masses, strict=True)])
     return Rods(
         rigidity=stiff,
         viscosity=viscous,
         torsion=TORSION_RATIO * stiff,
         far_clamps=np.asarray(far_clamps, bool),
-        curvatures=np.einsum("kb,kbi->ki", curvatures, axes[:, 1:]),
+        curvatures=np.einsum("knb,kbi->kni", even[:, None] + uneven, axes[:, 1:]),
+        far_rolls=np.array([each.far_roll for each in parameters]),
         axes=axes[:, 0],
         lengths=lengths,
         rates=np.stack([fastest * stiff, fastest * viscous], axis=1),
@@ -115,7 +118,7 @@ def rod_arrays(rods: Rods | None, device: str) -> RodArrays:
     if rods is None:
         return arrays
     arrays.bend = 1
-    for name in ("rigidity", "viscosity", "torsion", "far_clamps", "curvatures", "axes", "lengths"):
+    for name in ("rigidity", "viscosity", "torsion", "far_clamps", "curvatures", "far_rolls", "axes", "lengths"):
         setattr(arrays, name, wp.array(pack(getattr(rods, name)), dtype=Lanes, device=device))
     shape = (arrays.rigidity.shape[0], rods.lengths.shape[1] + 1)
     arrays.forces = wp.zeros((*shape, 3), dtype=Lanes, device=device)

@@ -131,9 +131,8 @@ def test_kernels_of_a_substep_do_what_the_kernel_of_a_frame_does() -> None:
 def test_rates_bound_the_substeps_of_a_rod_of_equal_pieces() -> None:
     """16 EI / (h^3 m) is the largest omega^2 of a long chain of pieces of length h and nodes of mass m."""
     pieces = np.full((1, 60), 0.01)
-    line = np.linspace([0.0, 0.0, 0.0], [0.6, 0.0, 0.0], 61)[None]
     stiff = parameters(flexural_rigidity=1e-3, retardation_time=0.02)
-    rods = rod_bending([stiff], pieces, np.full((1, 61), 1e-3), line, np.array([False]))
+    rods = rod_bending([stiff], pieces, np.full((1, 61), 1e-3), np.eye(3)[:1], np.array([False]), np.zeros((1, 61, 2)))
     fastest = 16 * 1e-3 / (0.01**3 * 1e-3)
     assert rods.rates == pytest.approx(np.array([[fastest, 0.02 * fastest]]), rel=0.02)
 

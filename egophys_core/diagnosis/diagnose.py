@@ -176,6 +176,7 @@ def _diagnose_observed(
         seconds=time.monotonic() - started,
         reason=found.reason
         + _lost(each.episode.name for each, kept in zip(validation, followed, strict=True) if not kept)
+        + (_changed(error) if found.named else "")
         + _beaten(error),
         twin_id=twin.twin_id,
         improved_twin_id=improved.twin_id,
@@ -238,6 +239,21 @@ def _lost(names: Iterable[str]) -> str:
     """What to add to a reason of episodes that could not be followed."""
     listed = ", ".join(names)
     return f"; without any effect the twin does not follow {listed}, so nothing was tried there" if listed else ""
+
+
+def _changed(errors: Sequence[PredictionErrors]) -> str:
+    """What to add to a reason of what is named: the predictions that it makes better, and those that it does not."""
+    worse = [each for each in errors if each.track_after_m > each.track_before_m]
+    better = [each for each in errors if each.track_after_m < each.track_before_m]
+    parts = [
+        f"{what} in "
+        + ", ".join(
+            f"{each.episode} ({1e3 * each.track_before_m:.2f} to {1e3 * each.track_after_m:.2f} mm)" for each in group
+        )
+        for what, group in (("better", better), ("worse", worse))
+        if group
+    ]
+    return f"; with it free rollouts are {' and '.join(parts)}" if parts else ""
 
 
 def _beaten(errors: Sequence[PredictionErrors]) -> str:

@@ -122,9 +122,7 @@ def unknowns(body: MarkerBody, known: int, density: float) -> Unknowns:
         time = retardation_of(rigidity, body.length, ratio)
         drag, level, up, far_roll = (float(number) for number in numbers[2:EVEN])
         rod = rod_model(body, density=density, rigidity=rigidity, retardation_time=time, drag=drag)
-        even = replace(
-            rod.parameters, intrinsic_curvature_level=level, intrinsic_curvature_up=up, far_roll=far_roll
-        )
+        even = replace(rod.parameters, intrinsic_curvature_level=level, intrinsic_curvature_up=up, far_roll=far_roll)
         uneven = (along @ numbers[EVEN:].reshape(KNOTS, 2)).astype(np.float32)
         if not uneven.any():
             return body, replace(rod, parameters=even)
@@ -158,7 +156,7 @@ def hat_functions(body: MarkerBody) -> np.ndarray:
 
 
 def _smoothness(length: float) -> np.ndarray:
-    """[R, D] what says that a rod's intrinsic curvature is little more at a knot than elsewhere, and alike at the next."""
+    """[R, D] what says that a rod's intrinsic curvature is little more at a knot than elsewhere, and like the next's."""
     size = np.eye(2 * KNOTS)
     rows = PRIOR * length * np.concatenate([size, size[2:] - size[:-2]])
     return np.pad(rows, ((0, 0), (EVEN, 0)))

@@ -21,8 +21,8 @@ class ObjectModel:
     stiffness: np.ndarray
     """[E] float32, N/m, per spring."""
     intrinsic_curvature: np.ndarray | None = None
-    """[N, 2] float32, 1/m: of a rod, its curvature at each node when nothing acts on it, to its level left and up, beyond
-    that of the parameters; None where it is alike all along."""
+    """[N, 2] float32, 1/m: of a rod, its curvature at each node when nothing acts on it, to its level left and up,
+    beyond that of the parameters; None where it is alike all along."""
     effects: tuple[TwinEffect, ...] = ()
     """What acts besides springs, gravity, table and hands (`egophys_core.effects`)."""
 

@@ -96,7 +96,8 @@ def test_after_a_long_stall_not_one_pose_more_is_streamed(arm):
 
     with pytest.raises(RobotError, match=r"held the stream of poses up for 3.0 s"):
         executor(arm, time, require_permit=stall).execute(PLAN)
-    assert streamed == [100] and len(arm.streamed) == 100
+    assert streamed == [100]
+    assert len(arm.streamed) == 100
 
 
 @pytest.mark.parametrize(

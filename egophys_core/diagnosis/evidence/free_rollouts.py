@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.diagnosis.diagnosis import PredictionErrors
+from egophys_core.diagnosis.direct.mounting import as_mounted
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.evaluation import chamfer_per_frame, lagging_prediction, track_error_per_frame
 from egophys_core.simulation import batch_of_models, rollout
@@ -25,7 +26,10 @@ class FreeErrors:
 
 
 def free_errors(observation: TrackedEpisode, models: Sequence[ObjectModel]) -> list[FreeErrors]:
-    """Roll each model out freely under the hands of an episode; all infinite where it diverges."""
+    """Roll each model out freely under the hands of an episode; all infinite where it diverges.
+
+    What was mounted anew for the record is compared as it is mounted there, with every model alike.
+    """
     problem = observation.problem
     episode = problem.episode
     batch = batch_of_models(
@@ -37,14 +41,18 @@ def free_errors(observation: TrackedEpisode, models: Sequence[ObjectModel]) -> l
     )
     result = rollout(batch)
     observed = episode.points[observation.first :]
+    train = episode.train_frames - observation.first
+    clamp = episode.controllers[0].mean(axis=0).astype(np.float64)
     found = []
     for model, positions in zip(models, result.positions, strict=True):
         surface = positions[:, model.graph.surface]
         lost = ~np.isfinite(surface).all(axis=(1, 2))
         surface = np.where(lost[:, None, None], 1e3, surface)
+        if observation.mounted and not lost.any():
+            surface = as_mounted(surface, problem.bound, observed, clamp, train)
         track = track_error_per_frame(surface, observed, problem.bound)
         chamfer = chamfer_per_frame(surface, observed)
-        held = _held(surface, observed, problem.bound, episode.train_frames - observation.first)
+        held = _held(surface, observed, problem.bound, train)
         track[lost], chamfer[lost], held[lost] = np.inf, np.inf, np.inf
         quiet = np.full(observation.touched, np.nan)
         skip = observation.touched - observation.first

@@ -156,7 +156,7 @@ def hat_functions(body: MarkerBody) -> np.ndarray:
 
 
 def _smoothness(length: float) -> np.ndarray:
-    """[R, D] what says that a rod's intrinsic curvature is little more at a knot than elsewhere, and like the next's."""
+    """[R, D] what says that a rod's intrinsic curvature is hardly more at a knot, and like the next one's."""
     size = np.eye(2 * KNOTS)
     rows = PRIOR * length * np.concatenate([size, size[2:] - size[:-2]])
     return np.pad(rows, ((0, 0), (EVEN, 0)))

@@ -21,11 +21,14 @@ from egophys_core.identification.search_state import (
     search_identity,
 )
 from egophys_core.kinds import kind_named
-from egophys_core.kinds.kind import RestShape
+from egophys_core.kinds.kind import RestShape, Searched
 from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, filled_up, rollout
 from egophys_core.twin import ObjectModel
+
+AT_BOUND = 0.01
+"""Share of what is searched within which a number is at its end."""
 
 WORST_LOSS = 1.0
 """Metres. What a candidate that diverges costs; CMA-ES needs finite numbers."""
@@ -43,6 +46,8 @@ class CoarseFit:
     """Mean over episodes of the rollout loss, metres."""
     history: tuple[float, ...]
     """Best loss after each generation, metres."""
+    at_bounds: tuple[str, ...]
+    """Which numbers ended at the end of what is searched, as sentences."""
 
 
 def fit_coarse(
@@ -100,6 +105,20 @@ def fit_coarse(
         ),
         loss=best_loss,
         history=tuple(history),
+        at_bounds=at_bounds(surface_model(kind_named(shape.kind)).numbers(shape), best_coordinates),
+    )
+
+
+def at_bounds(numbers: Sequence[Searched], coordinates: np.ndarray) -> tuple[str, ...]:
+    """Which numbers, at normalised coordinates [D], ended at the end of what is searched, as sentences.
+
+    Of shares and distances the ends are what nature allows; of what is searched by its magnitude they are guesses.
+    """
+    return tuple(
+        f"{each.name} ended at {each.value(u):.3g}, the {'most' if u > 0.5 else 'least'} that is searched: the "
+        "data ask for more of that, or lack what tells it"
+        for each, u in zip(numbers, coordinates.tolist(), strict=True)
+        if each.logarithmic and min(u, 1.0 - u) < AT_BOUND
     )
 
 

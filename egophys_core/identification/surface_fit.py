@@ -74,16 +74,23 @@ def fit_surface(
         grasp=first_grasp(recorded[0]),
         problem=recorded[0],
         loss=coarse.loss,
-        settings={**options.settings(at_markers=False), **assumed(observed, late)},
+        settings={**options.settings(at_markers=False), **assumed(observed, late, coarse.at_bounds)},
     )
 
 
-def assumed(observed: Sequence[ObservedEpisode], late: Sequence[TwinEffect]) -> dict[str, list[str]]:
-    """What was taken to be so without being told, as sentences under one name; nothing where nothing was."""
+def assumed(
+    observed: Sequence[ObservedEpisode], late: Sequence[TwinEffect], at_bounds: Sequence[str]
+) -> dict[str, list[str]]:
+    """What was taken to be so without being told, as sentences under one name; nothing where nothing was.
+
+    Args:
+        at_bounds: which numbers ended at the end of what is searched.
+    """
     notes = [f"the points are recorded {each.values['delay']:.3f} s later than the hands" for each in late]
     hanging = ", ".join(each.name for each in observed if each.hangs)
     if hanging:
         notes.append(f"there is no table in {hanging}: hands hold the object from the first frame on, far from it")
+    notes += at_bounds
     return {"assumed": notes} if notes else {}
 
 

@@ -15,6 +15,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import OutputError, TwinError
 from egophys_core.identification import FitOptions, build, coarse
 from egophys_core.identification.search_state import load_search
+from egophys_core.kinds.kind import Searched
 from egophys_core.twin import encode_twin
 from tests.identification.synthetic import sheet_episode
 
@@ -269,3 +270,16 @@ def test_search_in_which_every_candidate_diverged_can_go_on(tmp_path, monkeypatc
     monkeypatch.setattr(coarse, "evaluate_candidates", lambda *each: resumed.append(each) or evaluate(*each))
     file_of_fit(tmp_path / "search")
     assert len(resumed) == 2
+
+
+def test_a_number_that_ends_at_its_bound_is_said():
+    numbers = [
+        Searched(name="drag", low=0.01, high=5.0, start=0.3, logarithmic=True),
+        Searched(name="stiffness_rate", low=1e3, high=1e5, start=3e4, logarithmic=True),
+        Searched(name="friction", low=0.0, high=1.0, start=0.5),
+    ]
+    assert coarse.at_bounds(numbers, np.array([0.5, 0.9, 1.0])) == ()
+    (most,) = coarse.at_bounds(numbers, np.array([0.5, 1.0, 0.0]))
+    assert most.startswith("stiffness_rate ended at 1e+05, the most that is searched")
+    (least,) = coarse.at_bounds(numbers, np.array([0.0, 0.5, 0.0]))
+    assert least.startswith("drag ended at 0.01, the least that is searched")

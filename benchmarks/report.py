@@ -26,6 +26,7 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any], Mapping[str, str]], str]]
     "injected": ("injected", confusion_table),
     "beam": ("beam", tables.beam_table),
     "cable": ("cable", tables.cable_table),
+    "measured": ("measured", tables.measured_table),
     "cost": ("cost", tables.cost_table),
     "simulation": ("physics", tables.simulation_table),
     "effects": ("effects", tables.effects_table),

@@ -165,6 +165,40 @@ def cable_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
     return by_revision(header, rows, dates)
 
 
+def measured_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Errors of each recording of a set, and the set's diagnosis."""
+    rows = []
+    for name, found in result["sets"].items():
+        diagnosis, lines = found["diagnosis"], []
+        for index, row in enumerate(found["rows"]):
+            keys = ("static_mm", "rigid_lag_mm", "built_mm", "before_mm", "after_mm")
+            use = "fitted" if row["fitted"] else "given" if row["record"] in diagnosis["records"] else "new"
+            errors = [f"{row[key]:.3g}" for key in keys]
+            seconds = f"{diagnosis['seconds']:.0f}" if index == 0 else ""
+            lines.append([name if index == 0 else "", row["record"], use, *errors, seconds])
+        rows.append((diagnosis["commit"], lines))
+    header = [
+        *("set", "record", "", "first shape stays", "nearest hand at its best lag", "as built"),
+        *("refitted, no effect", "with what was named", "s"),
+    ]
+    said = [
+        f"- {name}: {found['diagnosis']['outcome']}{_with_values(found['diagnosis']['effects'])}; "
+        f"{found['diagnosis']['reason']}."
+        for name, found in result["sets"].items()
+    ]
+    return by_revision(header, rows, dates) + "\n\nWhat the diagnoses say:\n\n" + "\n".join(said)
+
+
+def _with_values(effects: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
+    """Effects with the value and the interval of each parameter."""
+    listed = (
+        f"{effect}, "
+        + ", ".join(f"{name} {value:.3g} ({low:.3g} to {high:.3g})" for name, (value, low, high) in values.items())
+        for effect, values in effects.items()
+    )
+    return "".join(f"; {each}" for each in listed)
+
+
 def named(effects: list[dict[str, Any]]) -> str:
     """The effects with their parameters and intervals."""
     return ", ".join(

@@ -131,18 +131,17 @@ def unknowns(body: MarkerBody, known: int, density: float) -> Unknowns:
         return replace(body, notes=(body.notes[0], bent)), replace(rod, parameters=even, intrinsic_curvature=uneven)
 
     count = EVEN + 2 * KNOTS
-    later = np.arange(count) >= EVEN - 1
-    curvature_steps = [CURVATURE_STEP / body.length] * 2, [UNEVEN_STEP / body.length] * (2 * KNOTS)
+    even_steps, knot_steps = [CURVATURE_STEP / body.length] * 2, [UNEVEN_STEP / body.length] * (2 * KNOTS)
     start = [0.0] * (count - 3)
     return Unknowns(
-        steps=np.array([0.1, 0.7, 0.3, *curvature_steps[0], ROLL_STEP, *curvature_steps[1]]),
+        steps=np.array([0.1, 0.7, 0.3, *even_steps, ROLL_STEP, *knot_steps]),
         low=np.where(np.arange(count) == 2, 0.0, -np.inf),
         static_deflection=np.array(
             [[each, np.log(DAMPING_RATIO), drag, *start] for drag, each in product(DRAGS, rigidities)]
         ),
         ring_down=np.full(count, np.nan),
         model=model,
-        later=later,
+        later=np.arange(count) >= EVEN - 1,
         prior=_smoothness(body.length),
     )
 

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 SHARE = 0.2
 """Share of a marker's mean offset over a record that counts: enough to keep a twin from hanging elsewhere."""
 
-
 MOST_TURN = np.radians(5.0)
 """Radians by which a record is mounted aslant at most; a clamp's own markers turned by 2.6 degrees between records."""
 

@@ -1,7 +1,7 @@
 """Spring-mass rollouts in Warp: a batch of K at once, on the CPU or CUDA from the same kernels."""
 
 from egophys_core.lanes import LANES
-from egophys_core.simulation.batch import BatchEffect, Nudging, RolloutBatch
+from egophys_core.simulation.batch import BatchCodebook, BatchEffect, Nudging, RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.effect_gradients import effect_gradients
 from egophys_core.simulation.frames import into_world
@@ -10,6 +10,7 @@ from egophys_core.simulation.rollout import Rollout, filled_up, rollout
 
 __all__ = [
     "LANES",
+    "BatchCodebook",
     "BatchEffect",
     "ContactKind",
     "Controls",

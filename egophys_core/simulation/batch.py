@@ -8,7 +8,7 @@ import numpy as np
 from egophys_core.effects.effect import Effect
 from egophys_core.errors import SimulationError
 from egophys_core.simulation.controls import Controls
-from egophys_core.twin import PhysicalParameters
+from egophys_core.twin import Codebook, PhysicalParameters
 
 Nudging = Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From seconds since the start of an episode and nodes [K, N, 3], metres, in the frames of their records: accelerations
@@ -28,6 +28,21 @@ class BatchEffect:
     def rows(self, rows: np.ndarray) -> "BatchEffect":
         """The effect in some rollouts, in this order."""
         return replace(self, numbers=self.numbers[rows], present=self.present[rows])
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatchCodebook:
+    """The codebook that gives springs of a batch their stiffness, frame by frame."""
+
+    codebook: Codebook
+    features: np.ndarray
+    """[K, E, S] float32, static features (`twin.spring_features`); zeros where a rollout lacks the spring."""
+    used: np.ndarray
+    """[K] bool, which rollouts have it; the stiffness of the others is fixed."""
+
+    def rows(self, rows: np.ndarray) -> "BatchCodebook":
+        """The codebook in some rollouts, in this order."""
+        return replace(self, features=self.features[rows], used=self.used[rows])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +111,8 @@ class RolloutBatch:
     across: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
     """[N, 4] int32: nodes across each node of thin objects, whose normal is (x_1 - x_0) x (x_3 - x_2) there; [0, 4]
     where no rollout has added mass."""
+    codebook: BatchCodebook | None = None
+    """What multiplies the stiffness of springs, if anything does."""
     rods: Rods | None = None
     """What resists bending, if the objects are rods."""
     nudging: Nudging | None = None
@@ -148,8 +165,10 @@ class RolloutBatch:
         """Some rollouts as a batch of their own, without the springs that none of them has."""
         part = self.rows(rows)
         present = (part.stiffness > 0).any(axis=0)
+        learned = part.codebook
         return replace(
             part,
+            codebook=None if learned is None else replace(learned, features=learned.features[:, present]),
             springs=part.springs[present],
             stiffness=part.stiffness[:, present],
             damping=part.damping[:, present],
@@ -171,6 +190,7 @@ class RolloutBatch:
             parameters=tuple(self.parameters[row] for row in rows),
             controls=tuple(self.controls[row] for row in rows),
             effects=tuple(effect.rows(rows) for effect in self.effects),
+            codebook=None if self.codebook is None else self.codebook.rows(rows),
             rods=None if self.rods is None else self.rods.rows(rows),
             frames=None if self.frames is None else self.frames[rows],
         )

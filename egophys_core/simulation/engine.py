@@ -11,6 +11,7 @@ from egophys_core.lanes import Lanes, group_count, pack, unpack
 from egophys_core.lanes.state import RUNNING
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments, attach
 from egophys_core.simulation.batch import RolloutBatch
+from egophys_core.simulation.codebook_arrays import DeviceCodebook
 from egophys_core.simulation.collision.collision_pairs import PairFinder
 from egophys_core.simulation.collision.self_collision import PairArrays
 from egophys_core.simulation.controls import ContactKind
@@ -63,7 +64,7 @@ class Segment:
     rates: tuple[tuple[float, float], ...]
     """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, of springs, grips and presses."""
     spring_rates: np.ndarray
-    """[K] largest stiffness rate of the object's springs alone, 1/s^2; 0 where no effect changes these."""
+    """[K] largest stiffness rate of the object's springs alone, 1/s^2; 0 where nothing changes these."""
     durations: np.ndarray
     """[K] seconds a frame."""
     substeps: np.ndarray
@@ -104,6 +105,7 @@ class Engine:
         self.terms = effect_terms(batch)
         self.effects = effect_arrays(batch, device, requires_grad=requires_grad)
         self.effect_rates = EffectRates(batch)
+        self.codebook = None if batch.codebook is None else DeviceCodebook(batch, batch.codebook, device)
         self.controller_arrays = controller_arrays(
             self.groups, self.controllers.shape[2], device, requires_grad=requires_grad
         )
@@ -140,9 +142,15 @@ class Engine:
             wp.launch(
                 settle_material_frames, self.groups, inputs=[self.nodes, self.state, self.rods], device=self.device
             )
+        self.set_stiffness(segment)
         frames = np.full(self.batch.count, frame)
         self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
         self._record_divergence(frame, segment)
+
+    def set_stiffness(self, segment: Segment) -> None:
+        """Ask the codebook, if there is one, how stiff springs are in the frame that begins with the present state."""
+        if self.codebook is not None:
+            self.codebook.set_stiffness(self.state, self.parameters, self.springs, segment.attachments)
 
     def _segment(self, frame: int) -> Segment:
         """The last one, unless contacts begin or end or the frame lasts longer or shorter."""
@@ -222,6 +230,9 @@ class Engine:
         )
         grips, columns = self.grips_of(updated)
         presses, press_columns = self.presses_of(updated)
+        if self.codebook is not None:
+            # Rates are of the anchors; by how much springs may be stiffer is in `effect_rates`.
+            self.codebook.set_anchors(self.springs)
         of_springs = [
             largest_eigenvalues(self.springs, grips, self.parameters.masses, self.batch.count, damping=kind)
             for kind in (False, True)
@@ -248,7 +259,7 @@ class Engine:
 
     def _spring_rates(self) -> np.ndarray:
         """[K] as `Segment.spring_rates`; the same in all segments."""
-        if not self.effect_rates.laws:
+        if not self.effect_rates.stiffen:
             return np.zeros(self.batch.count)
         if self.segments:
             return self.segments[-1].spring_rates

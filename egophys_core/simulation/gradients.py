@@ -14,6 +14,7 @@ from egophys_core.errors import SimulationError
 from egophys_core.lanes import Lanes, pack, unpack
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments
 from egophys_core.simulation.batch import RolloutBatch
+from egophys_core.simulation.codebook_arrays import held_nodes
 from egophys_core.simulation.collision.self_collision import PairArrays
 from egophys_core.simulation.device_arrays import FIRMNESS, MOTION_NAMES, PARAMETER_NAMES, SPRING_NAMES
 from egophys_core.simulation.engine import Engine, Segment
@@ -29,6 +30,11 @@ GRIP_NAMES = ("stiffness", "damping", "rest_lengths")
 PRESS_NAMES = ("reaches", "stiffness", "damping")
 """Numbers of presses that have derivatives."""
 
+ThroughCodebook = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""From rows of rollouts as a frame begins, positions and velocities [R, N, 3], nodes that hands hold [R, N] and the
+derivatives [R, E] of the loss by the stiffness that the codebook gives there: its derivatives [R, N, 3] by those
+positions and velocities."""
+
 Loss = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 """From positions [K, F, N, 3], metres: the loss [K] of each rollout, and its gradient [K, F, N, 3] by them."""
 
@@ -38,7 +44,7 @@ class Gradient:
     """Derivatives of each rollout's loss by its own inputs, in units of the loss over those of the input."""
 
     stiffness: np.ndarray
-    """[K, E]."""
+    """[K, E], by the anchors where there is a codebook."""
     damping: np.ndarray
     """[K, E]."""
     rest_lengths: np.ndarray
@@ -66,7 +72,12 @@ class Gradient:
 
 
 def differentiate(
-    batch: RolloutBatch, loss: Loss, *, windows: int = 1, device: str = "cpu"
+    batch: RolloutBatch,
+    loss: Loss,
+    *,
+    windows: int = 1,
+    through_codebook: ThroughCodebook | None = None,
+    device: str = "cpu",
 ) -> tuple[Rollout, np.ndarray, Gradient]:
     """Roll out a batch, and go back from its loss to everything it depends on.
 
@@ -76,6 +87,8 @@ def differentiate(
     Args:
         windows: into how many windows of frames each rollout is cut. Derivatives do not pass from a window to the one
             before it (truncated back-propagation); in return all windows go back at once, as lanes. 1 is exact.
+        through_codebook: passes derivatives on through the codebook of the batch, once a frame and window; without it
+            the stiffness that a codebook gives is differentiated by its anchors alone.
 
     Returns:
         The rollout, the loss [K] and its gradient.
@@ -107,7 +120,7 @@ def differentiate(
         by_frames[:, :3, :3] = np.einsum("kfni,kfnj->kij", seeds, places)
         by_frames[:, :3, 3] = seeds.sum(axis=(1, 2))
         seeds = into_world_directions(seeds, batch.frames)
-    gradient = _BackwardPass(engine, states, running, windows).run(seeds)
+    gradient = _BackwardPass(engine, states, running, windows, through_codebook).run(seeds)
     return result, losses, replace(gradient, frames=by_frames)
 
 
@@ -115,10 +128,16 @@ class _BackwardPass:
     """What is summed up while going back over the frames, in float64. Row r is window r % W of rollout r // W."""
 
     def __init__(
-        self, forward: Engine, states: list[tuple[np.ndarray, ...]], running: np.ndarray, windows: int
+        self,
+        forward: Engine,
+        states: list[tuple[np.ndarray, ...]],
+        running: np.ndarray,
+        windows: int,
+        through_codebook: ThroughCodebook | None,
     ) -> None:
         count = forward.batch.count
         self.forward, self.running, self.windows = forward, running, windows
+        self.through_codebook = through_codebook
         self.rollouts = np.repeat(np.arange(count), windows)
         self.engine = Engine(forward.batch.rows(self.rollouts), forward.device, requires_grad=True)
         # [F - 1, K, N + C, 3] twice and [F - 1, K, E, M], at the start of each frame.
@@ -130,6 +149,7 @@ class _BackwardPass:
         self.control_velocities = np.zeros(forward.controllers.shape)
         self.controller_stiffness, self.controller_damping = np.zeros(count), np.zeros(count)
         rows = len(self.rollouts)
+        self.by_anchors = np.zeros(self.engine.batch.stiffness.shape)
         self.held: list[Attachments] = [NOTHING_HELD] * rows
         """Controller springs of each row in the frame gone back over last."""
         self.by_rest_length = [np.zeros(0)] * rows
@@ -182,6 +202,7 @@ class _BackwardPass:
         engine.state.positions.assign(pack(self.positions[frames, self.rollouts]))
         engine.state.velocities.assign(pack(self.velocities[frames, self.rollouts]))
         segment = self._segment(frames, active)
+        engine.set_stiffness(segment)
         tape = self._tape(engine.frame_inputs(frames, segment), segment)
         wp.copy(tape.start.positions, engine.state.positions)
         wp.copy(tape.start.velocities, engine.state.velocities)
@@ -202,11 +223,44 @@ class _BackwardPass:
         self._collect_controls(frames)
         self._collect_grips(segment)
         rows = len(self.rollouts)
+        by_positions, by_velocities = (
+            unpack(state.grad.numpy(), rows).astype(np.float64)
+            for state in (tape.start.positions, tape.start.velocities)
+        )
+        if engine.codebook is not None:
+            self._back_over_codebook(frames, active, segment, by_positions, by_velocities)
         return (
-            unpack(tape.start.positions.grad.numpy(), rows).astype(np.float64),
-            unpack(tape.start.velocities.grad.numpy(), rows).astype(np.float64),
+            by_positions,
+            by_velocities,
             unpack(tape.start.memory.grad.numpy(), rows).astype(np.float64) if memory.size else memory,
         )
+
+    def _back_over_codebook(
+        self,
+        frames: np.ndarray,
+        active: np.ndarray,
+        segment: Segment,
+        by_positions: np.ndarray,
+        by_velocities: np.ndarray,
+    ) -> None:
+        """Add what the loss owes to the state of each row as its frame begins, which stiffness follows from."""
+        springs, rows = self.engine.springs, len(self.rollouts)
+        by_stiffness, stiffness = (
+            unpack(each.numpy(), rows).astype(np.float64) for each in (springs.stiffness.grad, springs.stiffness)
+        )
+        springs.stiffness.grad.zero_()
+        anchors = self.engine.batch.stiffness
+        alive = active & self.running[self.rollouts]
+        has = anchors > 0.0
+        self.by_anchors += np.where(has & alive[:, None], by_stiffness * stiffness / np.where(has, anchors, 1.0), 0.0)
+        if self.through_codebook is None or not alive.any():
+            return
+        here = frames[alive], self.rollouts[alive]
+        positions, velocities = (each[here][:, : self.nodes] for each in (self.positions, self.velocities))
+        held = held_nodes(segment.attachments, self.nodes)[alive]
+        found = self.through_codebook(positions, velocities, held, np.where(has, by_stiffness, 0.0)[alive])
+        by_positions[alive, : self.nodes] += found[0]
+        by_velocities[alive, : self.nodes] += found[1]
 
     def _segment(self, frames: np.ndarray, active: np.ndarray) -> Segment:
         """The segments of each row's frame put together; with the last one's springs, if they are the same."""
@@ -316,18 +370,24 @@ class _BackwardPass:
         velocity_of_position = np.gradient(np.eye(len(engine.times)), engine.times, axis=0)
         controls = self.controls + np.einsum("ft,kfcx->ktcx", velocity_of_position, self.control_velocities)
 
-        def total(array: wp.array) -> np.ndarray:
-            values = unpack(array.grad.numpy(), len(self.rollouts)).astype(np.float64)
+        def of_rollouts(values: np.ndarray) -> np.ndarray:
             values = values.reshape(count, self.windows, *values.shape[1:]).sum(axis=1)
             values[~running] = 0.0
             return values
+
+        def total(array: wp.array) -> np.ndarray:
+            return of_rollouts(unpack(array.grad.numpy(), len(self.rollouts)).astype(np.float64))
+
+        of_springs = {name: total(getattr(engine.springs, name)) for name in SPRING_NAMES}
+        if engine.codebook is not None:
+            of_springs["stiffness"] = of_rollouts(self.by_anchors)
 
         # Kernels read masses and their inverses.
         by_masses = (
             total(engine.parameters.masses) - total(engine.parameters.inverse_masses) / self.forward.batch.masses**2
         )
         return Gradient(
-            **{name: total(getattr(engine.springs, name)) for name in SPRING_NAMES},
+            **of_springs,
             masses=by_masses,
             controller_stiffness=np.where(running, self.controller_stiffness, 0.0),
             controller_damping=np.where(running, self.controller_damping, 0.0),

@@ -9,13 +9,14 @@ from egophys_core.effects import TwinEffect, effect_named
 from egophys_core.effects.effect import Body, Effect
 from egophys_core.errors import SimulationError
 from egophys_core.kinds import kind_of, node_masses, resting_height
-from egophys_core.simulation.batch import BatchEffect, Rods, RolloutBatch
+from egophys_core.simulation.batch import BatchCodebook, BatchEffect, Rods, RolloutBatch
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.frames import into_world, into_world_directions
 from egophys_core.simulation.terms.effects import LAW_NUMBERS
 from egophys_core.simulation.terms.rod_bending import rod_bending
 from egophys_core.simulation.terms.springs import UNLIMITED
-from egophys_core.twin import ObjectModel, PhysicalParameters, SpringKind
+from egophys_core.twin import ObjectModel, PhysicalParameters, SpringKind, static_features
+from egophys_core.twin.spring_features import STATIC
 
 Precision = type[np.float32] | type[np.float64]
 """Of a batch's arrays."""
@@ -93,6 +94,7 @@ def batch_of_models(
         controls=tuple(as_they_were(each, model.effects, dtype) for model, each in zip(models, controls, strict=True)),
         effects=_in_every_substep(models, bodies, dtype),
         across=_across(first, parameters),
+        codebook=_codebook(models, codes, union),
         rods=_bending(models, masses, np.stack(positions), controls, frames),
         flat=kind.lies_flat,
         ground_height=ground_height,
@@ -120,6 +122,29 @@ def _of_batch(effect: Effect, rows: dict[int, np.ndarray], count: int, dtype: Pr
     for row, values in rows.items():
         numbers[row, : len(values)], present[row] = values, True
     return BatchEffect(effect=effect, numbers=numbers, present=present)
+
+
+def _codebook(models: Sequence[ObjectModel], codes: Sequence[np.ndarray], union: np.ndarray) -> BatchCodebook | None:
+    """The codebook of models whose springs have these codes, in a batch of the springs `union`; None if none has one.
+
+    Raises:
+        SimulationError: two models have different codebooks.
+    """
+    found = [model.codebook for model in models if model.codebook is not None]
+    if not found:
+        return None
+    if not all(found[0].same_as(other) for other in found):
+        raise SimulationError("a batch can hold one codebook; roll out models with different ones apart")
+    features = np.zeros((len(models), len(union), len(STATIC)), np.float32)
+    of_graph: dict[int, np.ndarray] = {}
+    for row, (model, code) in enumerate(zip(models, codes, strict=True)):
+        if model.codebook is not None:
+            graph = model.graph
+            if id(graph) not in of_graph:
+                of_graph[id(graph)] = static_features(graph)
+            features[row, np.searchsorted(union, code)] = of_graph[id(graph)]
+    used = np.array([model.codebook is not None for model in models])
+    return BatchCodebook(codebook=found[0], features=features, used=used)
 
 
 def _bending(

@@ -21,6 +21,7 @@ from egophys_core.simulation.extremes import find_extremes
 from egophys_core.simulation.frames import into_record, into_record_directions
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, stable_substeps
 from egophys_core.simulation.step import frame_kernel
+from egophys_core.simulation.terms.codebook import predict_stiffness
 from egophys_core.simulation.terms.material_frames import settle_material_frames
 
 
@@ -66,7 +67,7 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
     if not wp.get_device(device).is_cpu:
         return in_frames(_run(batch, longest_substep, device), batch.frames)
     # Loaded here, before threads ask for it at the same time.
-    for kernel in (frame_kernel(effect_terms(batch)), settle_material_frames, find_extremes):
+    for kernel in (frame_kernel(effect_terms(batch)), settle_material_frames, find_extremes, predict_stiffness):
         wp.load_module(kernel.module, device=device)
     groups = group_count(batch.count)
     workers = min(groups, usable_cores())

@@ -6,6 +6,7 @@ import numpy as np
 
 from egophys_core.effects.effect import TwinEffect
 from egophys_core.errors import TwinError
+from egophys_core.twin.codebook import Codebook
 from egophys_core.twin.graph import SpringGraph, SpringKind
 from egophys_core.twin.parameters import PhysicalParameters
 
@@ -19,7 +20,9 @@ class ObjectModel:
     graph: SpringGraph
     parameters: PhysicalParameters
     stiffness: np.ndarray
-    """[E] float32, N/m, per spring."""
+    """[E] float32, N/m, per spring; with a codebook what its offsets are added to, in logarithms."""
+    codebook: Codebook | None = None
+    """How the stiffness of each spring follows its place in the graph and how it is deformed; None if it is fixed."""
     intrinsic_curvature: np.ndarray | None = None
     """[N, 2] float32, 1/m: of a rod, its curvature at each node when nothing acts on it, to its level left and up,
     beyond that of the parameters; None where it is alike all along."""
@@ -36,6 +39,14 @@ class ObjectModel:
         uneven, nodes = self.intrinsic_curvature, len(self.graph.positions)
         if uneven is not None and not (uneven.shape == (nodes, 2) and np.isfinite(uneven).all()):
             raise TwinError(f"intrinsic_curvature must be ({nodes}, 2) finite numbers in 1/m, got {uneven.shape}")
+
+    @property
+    def stiffness_model(self) -> str:
+        """How stiff its springs are: `uniform` for each kind of spring, `dense` for each spring, or by a `codebook`."""
+        if self.codebook is not None:
+            return "codebook"
+        kinds = [self.stiffness[self.graph.kinds == kind] for kind in SpringKind]
+        return "uniform" if all(len(each) == 0 or each.min() == each.max() for each in kinds) else "dense"
 
     @property
     def spring_damping(self) -> np.ndarray:

@@ -11,10 +11,11 @@ import numpy as np
 from egophys_core.effects import TwinEffect, effect_named
 from egophys_core.errors import TwinError
 from egophys_core.files import write_atomically
+from egophys_core.twin.codebook import Codebook
 from egophys_core.twin.graph import SpringGraph
 from egophys_core.twin.model import ObjectModel
 from egophys_core.twin.parameters import PhysicalParameters, with_present_names
-from egophys_core.twin.twin import Provenance, Twin
+from egophys_core.twin.twin import CODEBOOK, Provenance, Twin
 
 FORMAT_VERSION = 2
 """Raised when a reader of the previous version would misread the file. 2 added effects."""
@@ -50,6 +51,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
     try:
         stiffness, grasp = arrays.pop("stiffness"), arrays.pop("grasp")
         uneven = arrays.pop("intrinsic_curvature", None)
+        learned = {key: arrays.pop(key) for key in list(arrays) if key.startswith(CODEBOOK)}
         provenance = header["provenance"]
         return Twin(
             model=ObjectModel(
@@ -57,6 +59,9 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
                 graph=SpringGraph(**arrays),
                 parameters=PhysicalParameters(**with_present_names(header["parameters"])),
                 stiffness=stiffness,
+                codebook=Codebook(**{key.removeprefix(CODEBOOK): each for key, each in learned.items()})
+                if learned
+                else None,
                 intrinsic_curvature=uneven,
                 effects=tuple(_effect(each) for each in header.get("effects", [])),
             ),

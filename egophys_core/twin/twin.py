@@ -13,6 +13,9 @@ from egophys_core.twin.graph import SpringGraph
 from egophys_core.twin.model import ObjectModel
 from egophys_core.twin.parameters import with_former_names
 
+CODEBOOK = "codebook."
+"""Begins the names of a codebook's arrays."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
@@ -63,12 +66,14 @@ class Twin:
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays of the twin by name, in a fixed order."""
         graph = {field.name: getattr(self.model.graph, field.name) for field in fields(SpringGraph)}
-        uneven = self.model.intrinsic_curvature
+        uneven, codebook = self.model.intrinsic_curvature, self.model.codebook
+        learned = {} if codebook is None else codebook.arrays()
         return {
             **graph,
             "stiffness": self.model.stiffness,
             "grasp": self.grasp,
             **({} if uneven is None else {"intrinsic_curvature": uneven}),
+            **{CODEBOOK + name: values for name, values in learned.items()},
         }
 
     def header(self) -> dict[str, Any]:

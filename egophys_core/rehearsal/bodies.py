@@ -25,6 +25,8 @@ class SoftBody:
     """kg."""
     young: float
     """Young's modulus, Pa."""
+    stiffness_shares: np.ndarray
+    """[K] the modulus of each element over `young`; ones for the same material everywhere."""
     poisson: float
     thickness: float
     """Metres; of a sheet only."""
@@ -79,6 +81,7 @@ def make_body(options: RehearsalOptions, object_seed: int) -> SoftBody:
         surface=surface,
         mass=mass,
         young=young,
+        stiffness_shares=np.ones(len(elements)),
         poisson=poisson,
         thickness=thickness,
         damping=damping,

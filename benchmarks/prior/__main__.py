@@ -17,7 +17,7 @@ def main() -> int:
     data = commands.add_parser("data", help="make the training and held-out episodes")
     data.add_argument("--out", type=Path, default=FOLDER, metavar="DIR", help=f"default {FOLDER}")
     data.add_argument(
-        "--workers", type=int, choices=range(1, 65), default=2, metavar="N", help="episodes side by side; default 2"
+        "--workers", type=int, choices=range(1, 9), default=2, metavar="N", help="episodes side by side; default 2"
     )
     data.add_argument("--record", action="store_true", help=f"write {CHECKSUMS.name} instead of comparing with it")
     data.set_defaults(run=_data)

@@ -46,7 +46,7 @@ towel    stuffing  pull         double_lift
 towel    hem       hang         double_lift
 towel    uniform   lift         pull
 towel    uniform   double_lift  pull
-towel    patch     lift         push
+towel    patch     lift         double_lift
 mitt     lining    lift*        pull
 mitt     lining    hang         double_lift
 mitt     hem       lift         pull

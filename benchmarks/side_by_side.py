@@ -13,16 +13,17 @@ Result = TypeVar("Result")
 
 
 def side_by_side(
-    measure: Callable[[Item], Result], items: Iterable[Item], *, minutes: float = 1e9
+    measure: Callable[[Item], Result], items: Iterable[Item], *, minutes: float = 1e9, workers: int | None = None
 ) -> Iterator[tuple[Item, Result]]:
     """Each item and what was measured of it, in the order in which they are done.
 
     Args:
         measure: what a new process can import.
         minutes: begin no further item after this long.
+        workers: processes at most, if fewer than there are cores.
     """
     end = time.monotonic() + 60.0 * minutes
-    cores = os.sched_getaffinity(0)
+    cores = sorted(os.sched_getaffinity(0))[:workers]
     waiting = iter(items)
     running: dict[Future[Result], Item] = {}
     # Forked processes would inherit locks of the simulator's threads.

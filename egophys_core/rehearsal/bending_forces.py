@@ -22,6 +22,8 @@ ITERATIONS = 8
 def bending_damping(values: Mapping[str, float], body: SoftBody) -> ForceTerm:
     """Moment -(factor - 1) t k (rate of the angle) of a discrete shell (Grinspun et al. 2003).
 
+    Of a body whose stiffness differs from place to place, D is that of its reference stiffness everywhere.
+
     k = D e^2 / (A1 + A2), with which a grid of right triangles bends as the plate of stiffness D does; t is the time
     by which the material's own damping, 1 of the factor, follows its stiffness.
 

@@ -60,9 +60,8 @@ def make_edges(body: SoftBody, ends: np.ndarray) -> Edges:
     first, second = np.triu_indices(body.elements.shape[1], 1)
     pairs = np.sort(np.stack([body.elements[:, first], body.elements[:, second]], axis=-1), axis=-1)
     count = len(body.vertices)
-    shares = np.bincount(
-        (pairs[..., 0] * count + pairs[..., 1]).ravel(), np.repeat(volumes / len(first), len(first)), count * count
-    )
+    of_each = np.repeat(volumes * body.stiffness_shares / len(first), len(first))
+    shares = np.bincount((pairs[..., 0] * count + pairs[..., 1]).ravel(), of_each, count * count)
     keys = np.sort(ends, axis=1)
     share = shares[keys[:, 0] * count + keys[:, 1]]
     return Edges(

@@ -43,6 +43,7 @@ class FlexEngine:
         self._mujoco = load_mujoco()
         self._model: Any = self._mujoco.MjModel.from_xml_string(_scene(body, step, pressing, folding))
         self._data: Any = self._mujoco.MjData(self._model)
+        _vary_stiffness(self._model, body)
         self._mujoco.mj_forward(self._model, self._data)
         self._bodies = self._model.flex_vertbodyid
         self._start = self._data.flexvert_xpos.copy()
@@ -124,6 +125,20 @@ class FlexEngine:
             raise SimulationError(
                 f"the rehearsed body diverged at t={time:.3f} s; inject a smaller effect, or another object seed"
             )
+
+
+def _vary_stiffness(model: Any, body: SoftBody) -> None:
+    """Scale the elasticity of each element, and the bending at each edge by the mean of the elements beside it."""
+    model.flex_stiffness *= body.stiffness_shares[:, None]
+    if not body.is_sheet:
+        return
+    count = len(body.vertices)
+    sides = np.sort(np.concatenate([body.elements[:, list(pair)] for pair in ((0, 1), (1, 2), (0, 2))]), axis=1)
+    keys = sides[:, 0] * count + sides[:, 1]
+    sums, counts = (np.bincount(keys, weights, count**2) for weights in (np.tile(body.stiffness_shares, 3), None))
+    edges = np.sort(model.flex_edge, axis=1)
+    at = edges[:, 0] * count + edges[:, 1]
+    model.flex_bending *= (sums[at] / counts[at])[:, None]
 
 
 def _scene(body: SoftBody, step: float, pressing: int, folding: bool) -> str:

@@ -74,6 +74,11 @@ def _places(motion: Motion, body: SoftBody, vertices: np.ndarray) -> np.ndarray:
     if body.is_sheet:
         inset = 0.012
         corners = np.array([(high[0] - inset, low[1] + inset, high[2]), (low[0] + inset, low[1] + inset, high[2])])
+        # A sheet without corners is held where it is nearest to them.
+        for corner in corners:
+            distances = np.linalg.norm(vertices - corner, axis=1)
+            if distances.min() > HAND_RADIUS:
+                corner[:] = vertices[distances.argmin()]
     else:
         along = 0.3 * (high[0] - low[0])
         corners = np.array([(middle[0] + along, middle[1], high[2]), (middle[0] - along, middle[1], high[2])])

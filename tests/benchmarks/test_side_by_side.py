@@ -13,6 +13,10 @@ def test_every_item_is_measured_once_in_another_process():
     assert os.getpid() not in dict(side_by_side(_process, range(3))).values()
 
 
+def test_one_worker_does_one_after_the_other():
+    assert list(side_by_side(math.sqrt, [9.0, 4.0, 1.0], workers=1)) == [(9.0, 3.0), (4.0, 2.0), (1.0, 1.0)]
+
+
 def test_no_item_begins_after_the_time():
     assert not list(side_by_side(math.sqrt, [4.0], minutes=0.0))
 

@@ -7,7 +7,8 @@ import pytest
 
 from egophys_core.errors import OptionsError
 from egophys_core.rehearsal import RehearsalObject, RehearsalOptions
-from egophys_core.rehearsal.bodies import SEAT, SKIN, make_body
+from egophys_core.rehearsal.bodies import SKIN, make_body
+from egophys_core.rehearsal.meshes import SEAT
 
 SOLIDS = (RehearsalObject.ELLIPSOID, RehearsalObject.BOX)
 

@@ -43,8 +43,9 @@ MAY_USE: dict[str, set[str]] = {
     "twin": {"effects"},
     "simulation": {"lanes", "kinds", "twin", "effects"},
     "kinds": {"twin", "effects"},
+    "prior": {"twin", "simulation"},
     "observation": {"kinds", "twin", "simulation", "evaluation"},
-    "identification": {"effects", "kinds", "observation", "twin", "simulation", "evaluation"},
+    "identification": {"effects", "kinds", "observation", "twin", "simulation", "evaluation", "prior"},
     "diagnosis": {
         "lanes",
         "effects",

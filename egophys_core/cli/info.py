@@ -31,6 +31,7 @@ def _show_twin(path: Path, as_json: bool) -> None:
         "twin_id": twin.twin_id,
         "nodes": len(graph.positions),
         "springs": len(graph.springs),
+        "stiffness_model": twin.model.stiffness_model,
         **twin.header(),
     }
     if as_json:

@@ -10,9 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.errors import TwinError
-from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
 from egophys_core.identification.adam import Adam
-from egophys_core.identification.loss import TAIL_SHARE, loss_gradient
+from egophys_core.identification.loss import TAIL_SHARE, errors_and_gradient
 from egophys_core.identification.options import FitOptions
 from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, spring_order
@@ -99,19 +98,12 @@ class DenseRefinement:
 
     def _derivative(self, problem: FitProblem, model: ObjectModel) -> tuple[DenseStep, np.ndarray]:
         frames = problem.loss_frames(self.stride)
-        fitted, rows = frames[: int((1.0 - TAIL_SHARE) * len(frames))], frames - problem.first_frame
-        surface, bound, observed = model.graph.surface, problem.bound, problem.episode.points
+        fitted = int((1.0 - TAIL_SHARE) * len(frames))
         errors = np.full(len(frames), np.inf)
 
         def loss(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            predicted = positions[0, rows].astype(np.float64)
-            seeds = np.zeros(positions.shape)
-            if np.isfinite(predicted).all():
-                errors[:] = chamfer_per_frame(predicted[:, surface], observed[frames])
-                errors[:] += track_error_per_frame(predicted[:, surface], observed[frames], bound)
-                part = slice(0, len(fitted))
-                seeds[0, rows[part]] = loss_gradient(predicted[part], surface, bound, observed[fitted]) / len(fitted)
-            return np.array([np.nanmean(errors[: len(fitted)])]), seeds
+            errors[:], seeds = errors_and_gradient(positions[0], model.graph.surface, problem, frames, fitted=fitted)
+            return np.array([np.nanmean(errors[:fitted])]), seeds[None]
 
         ground = problem.episode.ground_height
         batch = batch_of_models([model], [problem.train_controls()], starts=[problem.start], ground_height=ground)
@@ -124,9 +116,7 @@ class DenseRefinement:
             gradient.parameters["restitution"][0] * restitution * (1.0 - restitution),
             gradient.controller_stiffness[0] * model.parameters.controller_stiffness,
         ]
-        losses = DenseStep(
-            fitted=float(np.nanmean(errors[: len(fitted)])), validation=float(np.nanmean(errors[len(fitted) :]))
-        )
+        losses = DenseStep(fitted=float(np.nanmean(errors[:fitted])), validation=float(np.nanmean(errors[fitted:])))
         return losses, np.concatenate([by_stiffness, by_contact])
 
 

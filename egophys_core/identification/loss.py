@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.evaluation import chamfer_per_frame, track_error_per_frame
+from egophys_core.observation.problem import FitProblem
 
 TAIL_SHARE = 0.25
 """Share of the frames, the last ones, that counts twice.
@@ -34,6 +35,31 @@ def rollout_loss(predicted: np.ndarray, surface: np.ndarray, bound: np.ndarray, 
     tail = int((1.0 - TAIL_SHARE) * len(visible))
     errors = (chamfer_per_frame(visible, observed), track_error_per_frame(visible, observed, bound))
     return float(sum(np.nanmean(error) + np.nanmean(error[tail:]) for error in errors) / 2)
+
+
+def errors_and_gradient(
+    positions: np.ndarray, surface: np.ndarray, problem: FitProblem, frames: np.ndarray, *, fitted: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Chamfer distance plus track error in some frames of a rollout, and the derivative of its mean over the first.
+
+    Args:
+        positions: [F, V, 3] metres, nodes from the problem's first frame on.
+        surface: [V] bool, nodes that can be seen.
+        frames: [L] frames of the episode.
+        fitted: over how many of them, the first ones, the mean is differentiated.
+
+    Returns:
+        [L] errors, metres, and [F, V, 3] the derivative by the positions; infinity and 0 if these are not finite.
+    """
+    rows, observed = frames - problem.first_frame, problem.episode.points[frames]
+    predicted, seeds = positions[rows].astype(np.float64), np.zeros(positions.shape)
+    if not np.isfinite(predicted).all():
+        return np.full(len(frames), np.inf), seeds
+    errors = chamfer_per_frame(predicted[:, surface], observed)
+    errors += track_error_per_frame(predicted[:, surface], observed, problem.bound)
+    part = slice(0, fitted)
+    seeds[rows[part]] = loss_gradient(predicted[part], surface, problem.bound, observed[part]) / fitted
+    return errors, seeds
 
 
 def loss_gradient(predicted: np.ndarray, surface: np.ndarray, bound: np.ndarray, observed: np.ndarray) -> np.ndarray:

@@ -1,15 +1,27 @@
 """Options of the fit; the same names in YAML, on the command line and as ROS parameters."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 from egophys_core.errors import OptionsError
-from egophys_core.options import number, text, to_mapping, validate
+from egophys_core.options import choice, number, text, to_mapping, validate
 
 AUTO = "auto"
 
 OF_MARKERS = ("template", "density")
 """Options of objects that are seen at a few markers; the others are of those whose surface is seen."""
+
+
+class StiffnessOption(StrEnum):
+    """How stiff the springs of a twin are."""
+
+    UNIFORM = "uniform"
+    """All of a kind alike, as the search finds it."""
+    DENSE = "dense"
+    """Each by itself, by gradients from there."""
+    CODEBOOK = "codebook"
+    """By the prior, anchored there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,6 +36,11 @@ class FitOptions:
     frame_stride: int = number(2, low=1, high=30, doc="every how many-th train frame the loss looks at")
     dense_steps: int = number(25, low=0, high=10_000, doc="steps of dense refinement after the search; 0 is none")
     dense_rate: float = number(0.1, low=1e-4, high=1.0, doc="step of dense refinement in logarithms of stiffness")
+    stiffness: StiffnessOption = choice(  # noqa: RUF009
+        StiffnessOption.DENSE,
+        doc="of springs: uniform as the search finds it, dense by gradients for each, or by the learned codebook",
+    )
+    prior: str = text("", doc="checkpoint of the codebook; without one that of the project")
     max_nodes: int = number(400, low=4, high=5000, doc="most surface nodes of the graph")
     kind: str = text(AUTO, doc="kind of object by its name, as sheet or solid, or auto to tell by what is seen")
 

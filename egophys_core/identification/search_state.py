@@ -31,7 +31,7 @@ FORMAT_VERSION = 1
 START_ANEW = "name another file, or remove this one to start anew"
 
 
-AFTER_SEARCH = ("generations", "dense_steps", "dense_rate")
+AFTER_SEARCH = ("generations", "dense_steps", "dense_rate", "stiffness", "prior")
 """Options that do not change the generations of a search."""
 
 

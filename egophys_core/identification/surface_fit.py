@@ -11,11 +11,13 @@ from egophys_core.errors import OptionsError
 from egophys_core.identification.coarse import fit_coarse
 from egophys_core.identification.dense import fit_dense
 from egophys_core.identification.fit import Fit, Progress
-from egophys_core.identification.options import FitOptions
+from egophys_core.identification.options import FitOptions, StiffnessOption
 from egophys_core.kinds.rest_shape import rest_shape
 from egophys_core.observation import FitProblem, ObservedEpisode, prepare
 from egophys_core.observation.grasp_radius import grasp_radius
+from egophys_core.prior import default_codebook, load_codebook, with_prior
 from egophys_core.simulation import ContactKind, as_they_were
+from egophys_core.twin import Codebook
 
 SEARCH_SHARE, DENSE_SHARE = 0.6, 0.35
 """Parts of the progress bar that the search and the dense refinement take; without the latter the search has both."""
@@ -31,6 +33,8 @@ def fit_surface(
 ) -> Fit:
     """Fit a model to the train frames of episodes; its nodes come from the first, the others are registered.
 
+    The checkpoint of a prior is read before anything is searched.
+
     Raises:
         EpisodeError: an episode cannot be fitted (no contact, too few points or frames).
         OptionsError: a template is given, or a kind that is not modelled from its surface.
@@ -43,6 +47,7 @@ def fit_surface(
             f"template {options.template} is given, and {first.episode.name} shows {first.episode.points.shape[1]} "
             "points of a surface; templates are for records of a few markers: leave it out, or track fewer points"
         )
+    codebook = _prior(options)
     shape = rest_shape(
         first.at_rest,
         name=first.episode.name,
@@ -54,7 +59,8 @@ def fit_surface(
     recorded = [prepare(each, shape.positions, shape.surface, spacing=shape.spacing) for each in observed]
     late = late_points(observed)
     problems = [replace(each, controls=as_they_were(each.controls, late)) for each in recorded]
-    search_share = SEARCH_SHARE if options.dense_steps else SEARCH_SHARE + DENSE_SHARE
+    refines = options.stiffness is StiffnessOption.DENSE and options.dense_steps > 0
+    search_share = SEARCH_SHARE if refines else SEARCH_SHARE + DENSE_SHARE
     coarse = fit_coarse(
         problems,
         shape,
@@ -63,34 +69,49 @@ def fit_surface(
         progress=lambda share, loss: progress("search", search_share * share, loss),
         checkpoint=checkpoint,
     )
-    model = fit_dense(
-        problems,
-        coarse.model,
-        options,
-        progress=lambda share, loss: progress("refine", SEARCH_SHARE + DENSE_SHARE * share, loss),
-    )
+    model, unlike = coarse.model, tuple[str, ...]()
+    if refines:
+        model = fit_dense(
+            problems,
+            coarse.model,
+            options,
+            progress=lambda share, loss: progress("refine", SEARCH_SHARE + DENSE_SHARE * share, loss),
+        )
+    elif codebook is not None:
+        model, unlike = with_prior(coarse.model, codebook)
     return Fit(
         model=replace(model, effects=late),
         grasp=first_grasp(recorded[0]),
         problem=recorded[0],
         loss=coarse.loss,
-        settings={**options.settings(at_markers=False), **assumed(observed, late, coarse.at_bounds)},
+        settings={**options.settings(at_markers=False), **assumed(observed, late, (*coarse.at_bounds, *unlike))},
     )
 
 
+def _prior(options: FitOptions) -> Codebook | None:
+    """What gives springs their stiffness after the search; None if nothing learned does.
+
+    Raises:
+        TwinError: the checkpoint cannot be used.
+    """
+    if options.stiffness is not StiffnessOption.CODEBOOK:
+        return None
+    return load_codebook(Path(options.prior)) if options.prior else default_codebook()
+
+
 def assumed(
-    observed: Sequence[ObservedEpisode], late: Sequence[TwinEffect], at_bounds: Sequence[str]
+    observed: Sequence[ObservedEpisode], late: Sequence[TwinEffect], notes_of_fit: Sequence[str]
 ) -> dict[str, list[str]]:
     """What was taken to be so without being told, as sentences under one name; nothing where nothing was.
 
     Args:
-        at_bounds: which numbers ended at the end of what is searched.
+        notes_of_fit: which numbers ended at the end of what is searched, and where a prior does not know the object.
     """
     notes = [f"the points are recorded {each.values['delay']:.3f} s later than the hands" for each in late]
     hanging = ", ".join(each.name for each in observed if each.hangs)
     if hanging:
         notes.append(f"there is no table in {hanging}: hands hold the object from the first frame on, far from it")
-    notes += at_bounds
+    notes += notes_of_fit
     return {"assumed": notes} if notes else {}
 
 

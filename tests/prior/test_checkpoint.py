@@ -5,7 +5,7 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 from egophys_core.errors import OutputError, TwinError
-from egophys_core.prior import default_codebook, load_codebook, save_codebook
+from egophys_core.prior import load_codebook, save_codebook
 from tests.twin.codebooks import random_codebook
 
 
@@ -18,10 +18,6 @@ def checkpoint(tmp_path):
 
 def test_a_codebook_is_read_as_it_was_written(checkpoint):
     assert load_codebook(checkpoint).same_as(random_codebook())
-
-
-def test_the_default_checkpoint_is_there():
-    assert default_codebook().size == 4
 
 
 def test_a_cut_file_is_refused(checkpoint):

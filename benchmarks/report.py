@@ -8,6 +8,7 @@ from typing import Any
 
 from benchmarks import tables, trust_tables
 from benchmarks.confusion import confusion_table
+from benchmarks.prior.page import prior_table
 from benchmarks.revisions import described, known_dates, revisions_in
 from egophys_core.files import write_atomically
 
@@ -27,6 +28,7 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any], Mapping[str, str]], str]]
     "beam": ("beam", tables.beam_table),
     "cable": ("cable", tables.cable_table),
     "measured": ("measured", tables.measured_table),
+    "prior": ("prior", prior_table),
     "cost": ("cost", tables.cost_table),
     "simulation": ("physics", tables.simulation_table),
     "effects": ("effects", tables.effects_table),

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.prior.dataset import FOLDER, place
-from benchmarks.prior.sequences import SEQUENCES, Sequence, Split
+from benchmarks.prior.dataset import FOLDER
+from benchmarks.prior.items import Item, all_items
+from benchmarks.prior.sequences import Split
 from benchmarks.side_by_side import side_by_side
 from egophys_core import __version__
 from egophys_core.episode import Episode
@@ -41,7 +42,7 @@ TEACHER_STEPS = 25
 
 @dataclass(frozen=True, kw_only=True)
 class Anchored:
-    """A sequence, ready to be rolled out, and its coarse fit."""
+    """An item, ready to be rolled out, and its coarse fit."""
 
     episode: Episode
     problem: FitProblem
@@ -51,36 +52,34 @@ class Anchored:
 
 
 def make_anchors(data: Path, folder: Path, *, workers: int, report: Callable[[str, int, int], None]) -> None:
-    """Fit what is missing: all training sequences and then all held-out ones."""
-    missing = [each for each in SEQUENCES if not _path(folder, each, "coarse").exists() or _lacks_teacher(folder, each)]
-    for done, (sequence, _) in enumerate(
-        side_by_side(partial(make_anchor, data=data, folder=folder), missing, workers=workers), 1
-    ):
-        report(sequence.name, done, len(missing))
+    """Fit what is missing."""
+    missing = [each for each in all_items(data) if _is_missing(each, folder)]
+    for done, (item, _) in enumerate(side_by_side(partial(make_anchor, folder=folder), missing, workers=workers), 1):
+        report(item.name, done, len(missing))
 
 
-def make_anchor(sequence: Sequence, data: Path, folder: Path) -> None:
-    """Fit one sequence on its train frames; if it is for training refine it densely, too."""
-    episode = read_episode(place(sequence, data))
-    problem, shape = _prepared(episode)
+def make_anchor(item: Item, folder: Path) -> None:
+    """Fit one item on its train frames; if it is for training refine it densely, too."""
+    episode = read_episode(item.path)
+    problem, shape = prepared(episode)
     began = time.process_time()
-    if not _path(folder, sequence, "coarse").exists():
+    if not _path(folder, item, "coarse").exists():
         fit = fit_coarse([problem], shape, OPTIONS, seed=SEED, progress=lambda share, loss: None)
-        keep_model(fit.model, episode, problem, folder, sequence, "coarse", time.process_time() - began)
-    if sequence.split is Split.TRAINING:
+        keep_model(fit.model, episode, problem, folder, item, "coarse", time.process_time() - began)
+    if item.split is Split.TRAINING:
         began = time.process_time()
-        refinement = DenseRefinement([problem], read_model(folder, sequence, "coarse"), OPTIONS)
+        refinement = DenseRefinement([problem], read_model(folder, item, "coarse"), OPTIONS)
         while len(refinement.history) < TEACHER_STEPS:
             refinement.step()
-        keep_model(refinement.best, episode, problem, folder, sequence, "teacher", time.process_time() - began)
+        keep_model(refinement.best, episode, problem, folder, item, "teacher", time.process_time() - began)
 
 
-def read_anchored(sequence: Sequence, data: Path, folder: Path) -> Anchored:
-    """A sequence and its coarse fit."""
-    episode = read_episode(place(sequence, data))
-    problem, _ = _prepared(episode)
-    seconds = json.loads(_path(folder, sequence, "coarse").with_suffix(".json").read_text())["seconds"]
-    return Anchored(episode=episode, problem=problem, model=read_model(folder, sequence, "coarse"), seconds=seconds)
+def read_anchored(item: Item, folder: Path) -> Anchored:
+    """An item and its coarse fit."""
+    episode = read_episode(item.path)
+    problem, _ = prepared(episode)
+    seconds = json.loads(_path(folder, item, "coarse").with_suffix(".json").read_text())["seconds"]
+    return Anchored(episode=episode, problem=problem, model=read_model(folder, item, "coarse"), seconds=seconds)
 
 
 def keep_model(
@@ -88,12 +87,12 @@ def keep_model(
     episode: Episode,
     problem: FitProblem,
     folder: Path,
-    sequence: Sequence,
+    item: Item,
     name: str,
     seconds: float,
 ) -> None:
-    """Write a model of a sequence, as a twin, and how long it took."""
-    path = _path(folder, sequence, name)
+    """Write a model of an item, as a twin, and how long it took."""
+    path = _path(folder, item, name)
     path.parent.mkdir(parents=True, exist_ok=True)
     provenance = Provenance(
         episodes=({"name": episode.name, "sha256": episode_digest(episode)},),
@@ -107,19 +106,19 @@ def keep_model(
     save_twin(twin, path)
 
 
-def read_model(folder: Path, sequence: Sequence, name: str) -> ObjectModel:
-    """A model of a sequence that was kept."""
-    return load_twin(_path(folder, sequence, name)).model
+def read_model(folder: Path, item: Item, name: str) -> ObjectModel:
+    """A model of an item that was kept."""
+    return load_twin(_path(folder, item, name)).model
 
 
-def stiffness_taught(folder: Path, sequence: Sequence) -> np.ndarray:
+def stiffness_taught(folder: Path, item: Item) -> np.ndarray:
     """[E] logarithm of the stiffness that dense refinement found over that of the coarse fit."""
     return np.asarray(
-        np.log(read_model(folder, sequence, "teacher").stiffness / read_model(folder, sequence, "coarse").stiffness)
+        np.log(read_model(folder, item, "teacher").stiffness / read_model(folder, item, "coarse").stiffness)
     )
 
 
-def _prepared(episode: Episode) -> tuple[FitProblem, RestShape]:
+def prepared(episode: Episode) -> tuple[FitProblem, RestShape]:
     """As a build prepares it (`identification.surface_fit`)."""
     observed = observe_episode(episode)
     shape = rest_shape(observed.at_rest, name=episode.name, ground=episode.ground_height, max_nodes=OPTIONS.max_nodes)
@@ -127,9 +126,10 @@ def _prepared(episode: Episode) -> tuple[FitProblem, RestShape]:
     return prepare(observed, shape.positions, shape.surface, spacing=shape.spacing), shape
 
 
-def _path(folder: Path, sequence: Sequence, name: str) -> Path:
-    return folder / f"{sequence.name}.{name}.twin"
+def _path(folder: Path, item: Item, name: str) -> Path:
+    return folder / f"{item.name}.{name}.twin"
 
 
-def _lacks_teacher(folder: Path, sequence: Sequence) -> bool:
-    return sequence.split is Split.TRAINING and not _path(folder, sequence, "teacher").exists()
+def _is_missing(item: Item, folder: Path) -> bool:
+    names = ("coarse", "teacher") if item.split is Split.TRAINING else ("coarse",)
+    return not all(_path(folder, item, name).exists() for name in names)

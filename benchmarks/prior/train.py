@@ -10,8 +10,9 @@ import numpy as np
 import torch
 
 from benchmarks.prior.anchors import OPTIONS, Anchored, read_anchored, stiffness_taught
-from benchmarks.prior.dataset import FOLDER
-from benchmarks.prior.sequences import SEQUENCES, Sequence, Split
+from benchmarks.prior.items import Item, all_items
+from benchmarks.prior.measure import checkpoint
+from benchmarks.prior.sequences import Split
 from egophys_core.files import write_json
 from egophys_core.identification.building import predict
 from egophys_core.identification.loss import errors_and_gradient
@@ -23,8 +24,6 @@ from egophys_core.simulation.codebook_arrays import held_nodes
 from egophys_core.simulation.engine import Engine
 from egophys_core.twin import Codebook, static_features
 from egophys_core.twin.spring_features import FEATURES, STATIC
-
-TRAINED = FOLDER.parent / "trained"
 
 VALIDATION_OBJECTS = (8, 13, 20, 24, 31)
 """Of the list of training objects: those that choose the pass which is kept, and teach nothing."""
@@ -52,14 +51,9 @@ MODELS = (
 )
 
 
-def checkpoint(folder: Path, model: Model) -> Path:
-    """Where the kept codebook of a model is."""
-    return folder / f"{model.name.replace(' ', '_')}.safetensors"
-
-
-def split_of_training() -> tuple[list[Sequence], list[Sequence]]:
-    """Training sequences to learn from, and those of other objects that choose the pass which is kept."""
-    training = [each for each in SEQUENCES if each.split is Split.TRAINING]
+def split_of_training(data: Path) -> tuple[list[Item], list[Item]]:
+    """Training items to learn from, and those of other objects that choose the pass which is kept."""
+    training = [each for each in all_items(data) if each.split is Split.TRAINING]
     seeds = sorted({each.object_seed for each in training})
     validating = {seeds[index] for index in VALIDATION_OBJECTS}
     learned = [each for each in training if each.object_seed not in validating]
@@ -75,17 +69,17 @@ def train_model(
         What each pass came to: losses in metres, and the ratio of validation errors to those of coarse fits.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    learned, validating = split_of_training()
+    learned, validating = split_of_training(data)
     names = {each.name: each for each in learned}
-    spread = feature_range([read_anchored(each, data, anchors) for each in learned])
+    spread = feature_range([read_anchored(each, anchors) for each in learned])
     network = StiffnessNetwork(model.form, model.prototypes, spread, seed=SEED)
     training = Training(network=network)
-    read = partial(_lesson, names=names, data=data, anchors=anchors)
-    judged = [read_anchored(each, data, anchors) for each in validating]
+    read = partial(_lesson, names=names, anchors=anchors)
+    judged = [read_anchored(each, anchors) for each in validating]
     before = [held_out_error(each, None) for each in judged]
     losses: list[float] = []
     best, began = np.inf, time.perf_counter()
-    state = checkpoint(folder, model).with_suffix(".state")
+    state = checkpoint(folder, model.name).with_suffix(".state")
     for turn, name, loss in train(training, list(names), read, passes=passes, iterations=iterations, state=state):
         losses.append(loss)
         if name != learned[-1].name:
@@ -96,7 +90,7 @@ def train_model(
         if ratio < best:
             best = ratio
             notes = {"model": model.name, "pass": str(turn + 1), "sequences": str(len(learned)), "seed": str(SEED)}
-            save_codebook(codebook, checkpoint(folder, model), notes=notes)
+            save_codebook(codebook, checkpoint(folder, model.name), notes=notes)
         finite = [each for each in losses if np.isfinite(each)]
         row = {
             "model": model.name,
@@ -108,7 +102,7 @@ def train_model(
             "seconds": time.perf_counter() - began,
         }
         losses = []
-        write_json(checkpoint(folder, model).with_suffix(f".pass{turn + 1}.json"), row)
+        write_json(checkpoint(folder, model.name).with_suffix(f".pass{turn + 1}.json"), row)
         yield row
 
 
@@ -160,9 +154,9 @@ def _features(anchored: Anchored) -> np.ndarray:
     return np.concatenate([static, dynamic.numpy()], axis=2).reshape(-1, len(FEATURES))
 
 
-def _lesson(name: str, names: dict[str, Sequence], data: Path, anchors: Path) -> Lesson:
-    sequence = names[name]
-    anchored = read_anchored(sequence, data, anchors)
+def _lesson(name: str, names: dict[str, Item], anchors: Path) -> Lesson:
+    item = names[name]
+    anchored = read_anchored(item, anchors)
     model, problem = anchored.model, anchored.problem
     order, frames = spring_order(model), problem.loss_frames(OPTIONS.frame_stride)
     ground = anchored.episode.ground_height
@@ -170,7 +164,7 @@ def _lesson(name: str, names: dict[str, Sequence], data: Path, anchors: Path) ->
     features = np.zeros((len(order), len(STATIC)), np.float32)
     features[order] = static_features(model.graph)
     target = np.zeros(len(order))
-    target[order] = stiffness_taught(anchors, sequence)
+    target[order] = stiffness_taught(anchors, item)
 
     def loss(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         errors, seeds = errors_and_gradient(positions[0], model.graph.surface, problem, frames, fitted=len(frames))

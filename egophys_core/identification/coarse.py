@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -25,13 +25,28 @@ from egophys_core.kinds.kind import RestShape, Searched
 from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, filled_up, rollout
-from egophys_core.twin import ObjectModel
+from egophys_core.twin import Codebook, ObjectModel
 
 AT_BOUND = 0.01
 """Share of what is searched within which a number is at its end."""
 
 WORST_LOSS = 1.0
 """Metres. What a candidate that diverges costs; CMA-ES needs finite numbers."""
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """The models that are searched among."""
+
+    shape: RestShape
+    codebook: Codebook | None = None
+    """That each of them has."""
+
+    def at(self, coordinates: np.ndarray, *, ground_height: float) -> ObjectModel:
+        """The model at normalised coordinates [D]."""
+        kind = surface_model(kind_named(self.shape.kind))
+        return replace(kind.candidate(self.shape, coordinates, ground_height=ground_height), codebook=self.codebook)
+
 
 Progress = Callable[[float, float], None]
 """Called with the share done (0..1) and the best loss so far (metres); may raise to stop."""
@@ -58,12 +73,14 @@ def fit_coarse(
     seed: int,
     progress: Progress,
     checkpoint: Path | None = None,
+    codebook: Codebook | None = None,
 ) -> CoarseFit:
     """Search graph and global parameters that make rollouts match the train frames of all episodes.
 
     Args:
         checkpoint: file that keeps the search after every generation. If it is there, the search goes on from
             it and ends, bit for bit, as one that was never stopped.
+        codebook: that every candidate has, anchored at its own stiffness.
 
     Raises:
         EpisodeError: an episode has no contact in its train frames, or its object is not seen in them.
@@ -73,10 +90,11 @@ def fit_coarse(
     for problem in problems:
         problem.require_train_frames()
         _require_sight(problem, options.frame_stride)
-    state = SearchState(identity=search_identity(problems, shape, options, seed=seed))
+    models = Candidates(shape, codebook)
+    state = SearchState(identity=search_identity(problems, shape, options, seed=seed, codebook=codebook))
     if checkpoint is not None:
         state = load_search(checkpoint, state.identity)
-        _require_same_loss(problems, shape, options.frame_stride, state, checkpoint)
+        _require_same_loss(problems, models, options.frame_stride, state, checkpoint)
     strategy = _strategy(shape, options, seed)
     best_loss, best_coordinates = np.inf, None
     history = []
@@ -87,7 +105,7 @@ def fit_coarse(
                 raise _not_repeated(checkpoint, f"CMA-ES asks for other candidates in generation {generation}")
             losses = state.losses[generation]
         else:
-            losses = evaluate_candidates(problems, shape, population, options.frame_stride)
+            losses = evaluate_candidates(problems, models, population, options.frame_stride)
             state = state.followed_by(np.stack(population), losses)
             if checkpoint is not None:
                 save_search(state, checkpoint)
@@ -100,9 +118,7 @@ def fit_coarse(
     if best_coordinates is None:
         raise TwinError("every candidate of the coarse fit diverged; check the controller motion for jumps")
     return CoarseFit(
-        model=surface_model(kind_named(shape.kind)).candidate(
-            shape, best_coordinates, ground_height=problems[0].episode.ground_height
-        ),
+        model=models.at(best_coordinates, ground_height=problems[0].episode.ground_height),
         loss=best_loss,
         history=tuple(history),
         at_bounds=at_bounds(surface_model(kind_named(shape.kind)).numbers(shape), best_coordinates),
@@ -151,14 +167,14 @@ def _require_sight(problem: FitProblem, stride: int) -> None:
 
 
 def _require_same_loss(
-    problems: Sequence[FitProblem], shape: RestShape, stride: int, state: SearchState, checkpoint: Path
+    problems: Sequence[FitProblem], models: "Candidates", stride: int, state: SearchState, checkpoint: Path
 ) -> None:
     """Check that the stored losses are those that this code and machine compute, on the best candidate."""
     best = state.best()
     if best is None:
         return
     coordinates, stored = best
-    loss = float(evaluate_candidates(problems, shape, [coordinates], stride)[0])
+    loss = float(evaluate_candidates(problems, models, [coordinates], stride)[0])
     if loss != stored:
         raise _not_repeated(checkpoint, f"its best candidate has a loss of {loss!r} m, stored are {stored!r} m")
 
@@ -171,22 +187,22 @@ def _not_repeated(checkpoint: Path | None, what: str) -> TwinError:
 
 
 def evaluate_candidates(
-    problems: Sequence[FitProblem], shape: RestShape, population: Sequence[np.ndarray], stride: int
+    problems: Sequence[FitProblem], candidates: Candidates, population: Sequence[np.ndarray], stride: int
 ) -> np.ndarray:
     """[K] metres: the loss of candidates at normalised coordinates, averaged over episodes."""
-    losses, from_surface = np.zeros(len(population)), surface_model(kind_named(shape.kind))
+    losses = np.zeros(len(population))
     with ThreadPoolExecutor(usable_cores()) as pool:
         for problem in problems:
             ground = problem.episode.ground_height
-            models = [from_surface.candidate(shape, coordinates, ground_height=ground) for coordinates in population]
+            models = [candidates.at(coordinates, ground_height=ground) for coordinates in population]
             controls, starts = [problem.train_controls()] * len(models), [problem.start] * len(models)
             result = rollout(batch_of_models(models, controls, starts=starts, ground_height=ground))
             frames = problem.loss_frames(stride)
             predicted = result.positions[:, frames - problem.first_frame]
             observed = problem.episode.points[frames]
-            losses += list(pool.map(partial(_loss, shape, problem, observed), predicted))
+            losses += list(pool.map(partial(_loss, candidates.shape.surface, problem, observed), predicted))
     return losses / len(problems)
 
 
-def _loss(shape: RestShape, problem: FitProblem, observed: np.ndarray, predicted: np.ndarray) -> float:
-    return rollout_loss(predicted, shape.surface, problem.bound, observed)
+def _loss(surface: np.ndarray, problem: FitProblem, observed: np.ndarray, predicted: np.ndarray) -> float:
+    return rollout_loss(predicted, surface, problem.bound, observed)

@@ -24,6 +24,7 @@ from egophys_core.kinds import kind_named
 from egophys_core.kinds.kind import RestShape
 from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.observation.problem import FitProblem
+from egophys_core.twin import Codebook
 
 FORMAT_VERSION = 1
 """Raised when a reader of the previous version would misread the file."""
@@ -66,7 +67,12 @@ class SearchState:
 
 
 def search_identity(
-    problems: Sequence[FitProblem], shape: RestShape, options: FitOptions, *, seed: int
+    problems: Sequence[FitProblem],
+    shape: RestShape,
+    options: FitOptions,
+    *,
+    seed: int,
+    codebook: Codebook | None = None,
 ) -> dict[str, Any]:
     """All that decides how a search goes, by name, as JSON types.
 
@@ -83,6 +89,7 @@ def search_identity(
         "seed": seed,
         **settings,
         "searched numbers": _digest(surface_model(kind_named(shape.kind)).numbers(shape)),
+        **({} if codebook is None else {"codebook": _digest(codebook)}),
         "code version": __version__,
     }
 

@@ -9,7 +9,7 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, TwinError
 from egophys_core.evaluation import baseline_scores
 from egophys_core.identification import FitOptions, build, episode_digest, evaluate_twin, first_grasp
-from egophys_core.identification.coarse import evaluate_candidates, fit_coarse
+from egophys_core.identification.coarse import Candidates, evaluate_candidates, fit_coarse
 from egophys_core.identification.loss import rollout_loss
 from egophys_core.kinds.rest_shape import rest_shape
 from egophys_core.observation import Contact, Hand, contact_flags, find_hands, prepare
@@ -48,7 +48,7 @@ def test_model_that_made_an_episode_has_no_loss_on_it():
     problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
     coordinates = np.array([number.start_u for number in searched_numbers(shape.kind)])
     far = np.full(len(coordinates), 0.9)
-    losses = evaluate_candidates([problem], shape, [coordinates, far], stride=2)
+    losses = evaluate_candidates([problem], Candidates(shape), [coordinates, far], stride=2)
     # The episode ran through settling from frame 0, the fit starts at rest three frames before the contact.
     assert losses[0] < 2e-3
     assert losses[1] > 5 * losses[0]
@@ -77,7 +77,7 @@ def test_search_lowers_the_loss_and_never_forgets_its_best():
     )
     problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
     start = np.array([number.start_u for number in searched_numbers(shape.kind)])
-    start_loss = evaluate_candidates([problem], shape, [start], stride=4)[0]
+    start_loss = evaluate_candidates([problem], Candidates(shape), [start], stride=4)[0]
     reported = []
     fit = fit_coarse(
         [problem],

@@ -1,0 +1,176 @@
+"""What every model makes of every item, from the same coarse fit: a row a model and item, kept as it is done."""
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.prior.anchors import OPTIONS, SEED, Anchored, prepared, read_anchored
+from benchmarks.prior.dataset import FOLDER
+from benchmarks.prior.items import Item
+from benchmarks.side_by_side import side_by_side
+from egophys_core.errors import SimulationError
+from egophys_core.evaluation import Scores, baseline_scores, score
+from egophys_core.files import write_json
+from egophys_core.identification.building import predict
+from egophys_core.identification.coarse import fit_coarse
+from egophys_core.identification.dense import DenseRefinement
+from egophys_core.observation import observe_episode
+from egophys_core.prior import load_codebook, with_prior
+from egophys_core.recording import read_episode
+from egophys_core.simulation import batch_of_models, rollout
+from egophys_core.twin import Codebook, ObjectModel
+
+ROWS = FOLDER.parent / "rows"
+
+COARSE = "coarse anchor only"
+CODEBOOK = "codebook K=4"
+LEARNED = (CODEBOOK, "codebook K=8", "codebook K=16", "static codebook", "direct MLP")
+"""By the names under which `train` keeps their checkpoints."""
+
+DENSE_BUDGETS = (25, 50, 100, 200)
+FEW_STEPS = 10
+REFINED = f"codebook K=4, then dense {FEW_STEPS} steps"
+SEARCHED = "coarse search with codebook K=4"
+
+NAMES = {
+    "train_chamfer_m": "train_cd_m",
+    "test_chamfer_m": "test_cd_m",
+    "train_track_m": "train_te_m",
+    "test_track_m": "test_te_m",
+}
+
+COST_ROLLOUTS = 8
+COST_REPEATS = 3
+
+
+def checkpoint(folder: Path, name: str) -> Path:
+    """Where the codebook of a model is that was trained in a folder."""
+    return folder / f"{name.replace(' ', '_')}.safetensors"
+
+
+def measure_all(
+    items: list[Item],
+    models: list[str],
+    *,
+    anchors: Path,
+    trained: Path,
+    rows: Path = ROWS,
+    workers: int,
+    report: Callable[[str, int, int], None],
+) -> None:
+    """Measure what is missing of some models on some items."""
+    missing = [item for item in items if any(not _path(rows, item, model).exists() for model in models)]
+    measure = partial(measure_item, models=models, anchors=anchors, trained=trained, rows=rows)
+    for done, (item, _) in enumerate(side_by_side(measure, missing, workers=workers), 1):
+        report(item.name, done, len(missing))
+
+
+def measure_item(item: Item, models: list[str], anchors: Path, trained: Path, rows: Path) -> None:
+    """Rows of one item, of those models that have none yet."""
+    missing = [model for model in models if not _path(rows, item, model).exists()]
+    anchored = read_anchored(item, anchors)
+    budgets = {f"dense {steps} steps": steps for steps in DENSE_BUDGETS}
+    wanted = [steps for name, steps in budgets.items() if name in missing]
+    for steps, model, seconds in refined(anchored, anchored.model, wanted):
+        _keep(rows, item, anchored, f"dense {steps} steps", model, seconds)
+    for name in (name for name in missing if name not in budgets):
+        began = time.process_time()
+        model = _model(name, anchored, trained)
+        _keep(rows, item, anchored, name, model, time.process_time() - began)
+
+
+def refined(anchored: Anchored, model: ObjectModel, budgets: list[int]) -> Iterator[tuple[int, ObjectModel, float]]:
+    """The best model after each budget of dense steps, and the CPU seconds up to there."""
+    refinement, seconds = DenseRefinement([anchored.problem], model, OPTIONS), 0.0
+    for budget in budgets:
+        began = time.process_time()
+        while len(refinement.history) < budget:
+            refinement.step()
+        seconds += time.process_time() - began
+        yield budget, refinement.best, seconds
+
+
+def read_rows(items: list[Item], model: str, rows: Path = ROWS) -> list[dict[str, Any]]:
+    """Of a model, those rows that are there."""
+    paths = [_path(rows, item, model) for item in items]
+    return [json.loads(path.read_text()) for path in paths if path.exists()]
+
+
+def rollout_cost_ratio(anchored: list[Anchored], codebook: Codebook) -> dict[str, Any]:
+    """CPU time of a batch of rollouts with a codebook over that of the same batch without: median, and each."""
+    ratios = []
+    for each in anchored:
+        pair = (each.model, with_prior(each.model, codebook)[0])
+        seconds = np.array([[_seconds(each, model) for model in pair] for _ in range(COST_REPEATS)]).min(axis=0)
+        ratios.append(float(seconds[1] / seconds[0]))
+    return {"rollout_cost_ratio": float(np.median(ratios)), "rollout_cost_ratios": ratios}
+
+
+def _seconds(anchored: Anchored, model: ObjectModel) -> float:
+    problem = anchored.problem
+    batch = batch_of_models(
+        [model] * COST_ROLLOUTS,
+        [problem.controls.part(slice(problem.first_frame, None))] * COST_ROLLOUTS,
+        starts=[problem.start] * COST_ROLLOUTS,
+        ground_height=anchored.episode.ground_height,
+    )
+    began = time.process_time()
+    rollout(batch)
+    return time.process_time() - began
+
+
+def _model(name: str, anchored: Anchored, trained: Path) -> ObjectModel:
+    """What a model of the comparison makes of a coarse fit."""
+    if name == COARSE:
+        return anchored.model
+    if name in LEARNED:
+        return with_prior(anchored.model, load_codebook(checkpoint(trained, name)))[0]
+    codebook = load_codebook(checkpoint(trained, CODEBOOK))
+    if name == REFINED:
+        (_, model, _), *_ = refined(anchored, with_prior(anchored.model, codebook)[0], [FEW_STEPS])
+        return model
+    if name == SEARCHED:
+        problem, shape = prepared(anchored.episode)
+        fit = fit_coarse([problem], shape, OPTIONS, seed=SEED, progress=lambda *_: None, codebook=codebook)
+        return fit.model
+    raise ValueError(f"no model of the comparison is called {name!r}")
+
+
+def _keep(rows: Path, item: Item, anchored: Anchored, name: str, model: ObjectModel, seconds: float) -> None:
+    """Score a model and write its row."""
+    began = time.process_time()
+    try:
+        positions = predict(model, anchored.problem)
+    except SimulationError:
+        positions = np.full((len(anchored.episode.times), *anchored.problem.start.shape), np.nan, np.float32)
+    seconds += time.process_time() - began
+    keep_scores(rows, item, name, score(positions, model.graph.surface, anchored.episode), seconds)
+
+
+def keep_scores(rows: Path, item: Item, name: str, scores: Scores, seconds: float) -> None:
+    """Write the row of a model; errors that are not finite as none."""
+    values = {NAMES[key]: value for key, value in scores.as_dict().items() if key in NAMES}
+    finite = {key: value if np.isfinite(value) else None for key, value in values.items()}
+    path = _path(rows, item, name)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    row = {"item": item.name, "group": item.group, "paper": item.paper, "model": name, **finite, "seconds": seconds}
+    write_json(path, row)
+
+
+def measure_baselines(items: list[Item], rows: Path = ROWS) -> None:
+    """Rows of predictions without physics."""
+    for item in items:
+        if _path(rows, item, "rigid-follow").exists():
+            continue
+        observed = observe_episode(read_episode(item.path))
+        for name, scores in baseline_scores(observed.episode, observed.contact).items():
+            keep_scores(rows, item, name, scores, 0.0)
+
+
+def _path(rows: Path, item: Item, model: str) -> Path:
+    return rows / f"{item.name}.{model.replace(' ', '_')}.json"

@@ -1,0 +1,44 @@
+"""The tables of the prior as Markdown, from `benchmarks/results/prior.json`."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from benchmarks.tables import table
+
+COLUMNS = ("model", "n", "train CD", "test CD", "/ anchor", "train TE", "test TE", "/ anchor", "s")
+
+
+def prior_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Errors of every model on all held-out sequences, and on parts of them; mm, and ratios of means."""
+    parts = {f"All {result['held_out_sequences']} held-out sequences": result["rows"]}
+    parts |= {name.capitalize(): rows for name, rows in result["sets"].items()}
+    cost = f"A rollout with the codebook costs {result['rollout_cost_ratio']:.2f} times one without."
+    return "\n\n".join([*(f"{name}:\n\n{_part(rows)}" for name, rows in parts.items() if rows), cost])
+
+
+def _part(rows: list[dict[str, Any]]) -> str:
+    return table(COLUMNS, [_line(row) for row in rows])
+
+
+def _line(row: dict[str, Any]) -> list[str]:
+    lost = f" ({row['diverged']} diverged)" if row["diverged"] else ""
+    return [
+        row["model"],
+        f"{row['sequences']}{lost}",
+        _millimetres(row["train_cd_m"]),
+        f"{_millimetres(row['test_cd_m'])} ± {_millimetres(row['se_test_cd_m'])}",
+        _ratio(row, "test_cd"),
+        _millimetres(row["train_te_m"]),
+        f"{_millimetres(row['test_te_m'])} ± {_millimetres(row['se_test_te_m'])}",
+        _ratio(row, "test_te"),
+        f"{row['seconds_per_sequence']:.1f}",
+    ]
+
+
+def _millimetres(value: float | None) -> str:
+    return "-" if value is None else f"{1e3 * value:.1f}"
+
+
+def _ratio(row: dict[str, Any], key: str) -> str:
+    ratio, error = row[f"{key}_ratio"], row[f"se_{key}_ratio"]
+    return "-" if ratio is None else f"{ratio:.2f} ± {error:.2f}" if error is not None else f"{ratio:.2f}"

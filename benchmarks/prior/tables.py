@@ -1,0 +1,103 @@
+"""The tables of the prior: means over held-out items, with standard errors, and how long each model takes."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.prior.anchors import ANCHORS, read_anchored
+from benchmarks.prior.dataset import FOLDER
+from benchmarks.prior.items import Item, all_items
+from benchmarks.prior.measure import (
+    COARSE,
+    CODEBOOK,
+    DENSE_BUDGETS,
+    LEARNED,
+    REFINED,
+    ROWS,
+    SEARCHED,
+    checkpoint,
+    read_rows,
+    rollout_cost_ratio,
+)
+from benchmarks.prior.sequences import Split
+from egophys_core.prior import load_codebook
+
+TRAINED = FOLDER.parent / "trained"
+
+MODELS = (
+    "static",
+    "rigid-follow",
+    COARSE,
+    *LEARNED,
+    *(f"dense {steps} steps" for steps in DENSE_BUDGETS),
+    "Spring-Gaus",
+    REFINED,
+    SEARCHED,
+)
+ERRORS = ("train_cd_m", "test_cd_m", "train_te_m", "test_te_m")
+COST_ITEMS = 4
+
+
+def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, rows: Path = ROWS) -> dict[str, Any]:
+    """What goes into `benchmarks/results/prior.json`, from the rows that are there."""
+    held_out = [each for each in all_items(data) if each.split is Split.HELD_OUT]
+    sets = {
+        "rehearsed": [each for each in held_out if each.group == "rehearsed"],
+        "paper": [each for each in held_out if each.paper],
+        "open and blind": [each for each in held_out if each.group != "rehearsed"],
+    }
+    everything = {name: table(items, rows) for name, items in {"all": held_out, **sets}.items()}
+    judged = [read_anchored(each, anchors) for each in sets["rehearsed"][:COST_ITEMS]]
+    codebook = load_codebook(checkpoint(trained, CODEBOOK))
+    return {
+        "rows": everything.pop("all"),
+        "sets": everything,
+        "held_out_sequences": len(held_out),
+        **rollout_cost_ratio(judged, codebook),
+    }
+
+
+def table(items: list[Item], rows: Path) -> list[dict[str, Any]]:
+    """A row for every model that has been measured on some of these items.
+
+    Ratios are of means over the items that the model and the coarse anchor both have; their standard errors are those
+    of the mean difference.
+    """
+    coarse = {row["item"]: row for row in read_rows(items, COARSE, rows)}
+    found = []
+    for model in MODELS:
+        measured = [row for row in read_rows(items, model, rows) if row["item"] in coarse]
+        if not measured:
+            continue
+        row: dict[str, Any] = {"model": model, "sequences": len(measured)}
+        row["diverged"] = sum(each["test_te_m"] is None for each in measured)
+        own = {key: _values(measured, key) for key in ERRORS}
+        anchor = {key: _values([coarse[each["item"]] for each in measured], key) for key in ERRORS}
+        for key in ERRORS:
+            row[key] = _mean(own[key])
+        for key in ("test_cd_m", "test_te_m"):
+            both = np.isfinite(own[key]) & np.isfinite(anchor[key])
+            row[f"se_{key}"] = _standard_error(own[key])
+            row[f"{key[:-2]}_ratio"] = _mean(own[key][both]) / _mean(anchor[key][both]) if both.any() else None
+            change = _standard_error(own[key][both] - anchor[key][both])
+            row[f"se_{key[:-2]}_ratio"] = None if change is None else change / _mean(anchor[key][both])
+        row["seconds_per_sequence"] = _mean(np.array([each["seconds"] for each in measured]))
+        found.append(row)
+    return found
+
+
+def _values(rows: list[dict[str, Any]], key: str) -> np.ndarray:
+    return np.array([np.nan if row[key] is None else row[key] for row in rows])
+
+
+def _mean(values: np.ndarray) -> float:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return float(np.nanmean(values))
+
+
+def _standard_error(values: np.ndarray) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(finite.std(ddof=1) / np.sqrt(len(finite))) if len(finite) > 1 else None

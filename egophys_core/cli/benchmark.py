@@ -1,25 +1,27 @@
-"""`egophys benchmark perception BAG...`."""
+"""`egophys benchmark perception BAG...`, and `egophys benchmark prior` in a checkout of the project."""
 
 import argparse
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.errors import EpisodeError
+from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.perception.options import PerceptionOptions
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the subcommand."""
-    parser.add_argument("what", choices=("perception",), help="what to measure")
+    parser.add_argument("what", choices=("perception", "prior"), help="what to measure")
     parser.add_argument(
         "bags",
-        nargs="+",
+        nargs="*",
         type=Path,
         metavar="BAG",
-        help="with a video and /object/points; also compared if there: /truth/camera_pose, "
+        help="of perception: with a video and /object/points; also compared if there: /truth/camera_pose, "
         "/truth/object_mask/compressed",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
@@ -28,11 +30,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(parsed: argparse.Namespace) -> int:
-    """Perceive each bag and compare.
+    """Perceive each bag and compare, or renew the tables of the prior.
 
     Returns:
         1 if perception refused a bag, whose row then says why; else 0.
     """
+    if parsed.what == "prior":
+        return _prior(parsed)
+    if not parsed.bags:
+        raise OptionsError("benchmark perception needs a bag: egophys benchmark perception BAG...")
     from egophys_core.cli.perception_benchmark import KEYS, measure, read_measured, video_name
 
     options, board = options_from(parsed, PerceptionOptions), board_from(parsed)
@@ -52,6 +58,20 @@ def run(parsed: argparse.Namespace) -> int:
     else:
         _print(rows)
     return int(any("error" in row for row in rows))
+
+
+def _prior(parsed: argparse.Namespace) -> int:
+    """What `python -m benchmarks.prior tables` does: the benchmarks are no part of the installed package."""
+    checkout = Path(__file__).resolve().parents[2]
+    if parsed.bags:
+        raise OptionsError("benchmark prior takes no bags: it measures its own set (docs/prior.md)")
+    if not (checkout / "benchmarks/prior").is_dir():
+        raise OptionsError("benchmark prior needs a checkout of the project, which has benchmarks/prior")
+    for step in ("data", "anchors", "measure", "tables"):
+        done = subprocess.run([sys.executable, "-m", "benchmarks.prior", step], cwd=checkout, check=False)
+        if done.returncode:
+            return done.returncode
+    return 0
 
 
 def _print(rows: list[dict[str, Any]]) -> None:

@@ -1,0 +1,67 @@
+"""How often the codebook is asked: what once a frame differs from once a substep by, and what it saves.
+
+The simulator asks once a frame of the controls. Controls with frames cut in parts, along the same paths, have it ask
+more often; cut in as many parts as there are substeps, once a substep. The same is done without a codebook, since cut
+paths of hands are not quite the same.
+"""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from benchmarks.prior.anchors import Anchored
+from egophys_core.prior import with_prior
+from egophys_core.simulation import Controls, batch_of_models, rollout
+from egophys_core.twin import Codebook, ObjectModel
+
+PARTS = (1, 2, 5, 26)
+"""Of a frame of 1/30 s; 26 is once a substep of the sheets and toys measured."""
+
+
+def rates(anchored: list[Anchored], codebook: Codebook) -> list[dict[str, Any]]:
+    """A row for each number of parts: CPU seconds, and mean distance of nodes from those of once a substep, mm."""
+    found = []
+    for parts in PARTS:
+        row: dict[str, Any] = {"asked_per_frame": parts}
+        for name in ("codebook", "uniform"):
+            seconds, apart = [], []
+            for each in anchored:
+                model = with_prior(each.model, codebook)[0] if name == "codebook" else each.model
+                positions, taken = _roll(each, model, parts)
+                finest, _ = _roll(each, model, PARTS[-1])
+                seconds.append(taken)
+                apart.append(1e3 * np.linalg.norm(positions - finest, axis=2).mean())
+            row[f"{name}_seconds"], row[f"{name}_apart_mm"] = float(np.mean(seconds)), float(np.mean(apart))
+        found.append(row)
+    return found
+
+
+def cut(controls: Controls, parts: int) -> Controls:
+    """The same paths with every frame cut in parts."""
+    times = np.concatenate(
+        [
+            np.linspace(begin, end, parts, endpoint=False)
+            for begin, end in zip(controls.times[:-1], controls.times[1:], strict=True)
+        ]
+        + [controls.times[-1:]]
+    )
+    positions = controls.positions.astype(np.float64)
+    path = CubicHermiteSpline(controls.times, positions, np.gradient(positions, controls.times, axis=0))
+    frames = np.minimum(np.arange(len(times)) // parts, len(controls.times) - 1)
+    return replace(controls, times=times, positions=path(times).astype(np.float32), contact=controls.contact[frames])
+
+
+def _roll(anchored: Anchored, model: ObjectModel, parts: int) -> tuple[np.ndarray, float]:
+    """Nodes [F, N, 3] at the frames of the record, and CPU seconds."""
+    problem = anchored.problem
+    controls = cut(problem.controls.part(slice(problem.first_frame, None)), parts)
+    ground = anchored.episode.ground_height
+    batch = batch_of_models([model], [controls], starts=[problem.start], ground_height=ground)
+    began = time.process_time()
+    result = rollout(batch)
+    seconds = time.process_time() - began
+    result.raise_on_failure()
+    return result.positions[0, ::parts].astype(np.float64), seconds

@@ -1,0 +1,64 @@
+"""The comparison of priors: rows that fill up, means and standard errors, and the page made of them."""
+
+import json
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.prior import tables
+from benchmarks.prior.items import Item, all_items
+from benchmarks.prior.measure import COARSE, keep_scores
+from benchmarks.prior.page import prior_table
+from benchmarks.prior.sequences import Split
+from egophys_core.evaluation import Scores
+
+
+def item(name: str) -> Item:
+    return Item(name=name, path=Path(name), split=Split.HELD_OUT, group="rehearsed", object_seed=0, paper=False)
+
+
+def errors(test: float) -> Scores:
+    values = dict.fromkeys((field.name for field in fields(Scores)), 0.5)
+    told = {"train_chamfer_m": 0.01, "test_chamfer_m": test, "train_track_m": 0.02, "test_track_m": 2.0 * test}
+    return Scores(**{**values, **told})
+
+
+def test_ratios_are_of_the_items_that_both_have(tmp_path):
+    items = [item(name) for name in "abc"]
+    for each, before, after in zip(items, (0.01, 0.02, 0.03), (0.005, 0.01, np.inf), strict=True):
+        keep_scores(tmp_path, each, COARSE, errors(before), 1.0)
+        keep_scores(tmp_path, each, "codebook K=4", errors(after), 3.0)
+    anchor, learned = tables.table(items, tmp_path)
+    assert (anchor["model"], anchor["sequences"], anchor["diverged"]) == (COARSE, 3, 0)
+    assert anchor["test_cd_m"] == pytest.approx(0.02)
+    assert anchor["se_test_cd_m"] == pytest.approx(0.01 / np.sqrt(3.0))
+    assert learned["diverged"] == 1
+    assert learned["test_cd_ratio"] == pytest.approx(0.0075 / 0.015)
+    assert learned["seconds_per_sequence"] == 3.0
+
+
+def test_the_page_shows_every_model_that_was_measured(tmp_path):
+    each = item("a")
+    keep_scores(tmp_path, each, COARSE, errors(0.0123), 1.0)
+    rows = tables.table([each], tmp_path)
+    result = {"rows": rows, "sets": {"paper": []}, "held_out_sequences": 1, "rollout_cost_ratio": 1.234}
+    page = prior_table(result, {})
+    assert "| coarse anchor only | 1 | 10.0 | 12.3 ± - |" in page
+    assert "costs 1.23 times" in page
+
+
+def test_a_row_is_json_that_says_what_it_is_of(tmp_path):
+    keep_scores(tmp_path, item("a"), COARSE, errors(np.nan), 1.5)
+    (path,) = tmp_path.glob("*.json")
+    row = json.loads(path.read_text())
+    assert (row["item"], row["model"], row["test_te_m"]) == ("a", COARSE, None)
+
+
+def test_no_item_is_trained_on_and_judged():
+    items = all_items(Path("data"))
+    training = {each.object_seed for each in items if each.split is Split.TRAINING}
+    held_out = {each.object_seed for each in items if each.split is Split.HELD_OUT}
+    assert not training & held_out
+    assert sum(each.paper for each in items if each.split is Split.HELD_OUT) == 11

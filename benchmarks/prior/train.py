@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +74,7 @@ def train_model(
     spread = feature_range([read_anchored(each, anchors) for each in learned])
     network = StiffnessNetwork(model.form, model.prototypes, spread, seed=SEED)
     training = Training(network=network)
-    read = partial(_lesson, names=names, anchors=anchors)
+    read = cache(partial(_lesson, names=names, anchors=anchors))
     judged = [read_anchored(each, anchors) for each in validating]
     before = [held_out_error(each, None) for each in judged]
     losses: list[float] = []

@@ -174,7 +174,7 @@ def train(
     If the file `state` is there, training goes on from it and ends as one that was never stopped.
 
     Args:
-        read: a lesson by its name; asked for anew in each pass, since all together may not fit in memory.
+        read: a lesson by its name; asked for anew in each pass.
 
     Yields:
         Pass, lesson and its mean loss in metres, as each is done.

@@ -23,16 +23,26 @@ from egophys_core.simulation import Controls, RolloutBatch, batch_of_models, rol
 from egophys_core.simulation.gradients import differentiate
 from egophys_core.twin import ObjectModel
 
-PASSES = 300
-"""Over the train frames: its number on synthetic objects, of which ours are; 200 on its real ones."""
+ITS_PASSES = 300
+"""Over the train frames, on its synthetic objects, of which ours are; 200 on its real ones."""
+
+PASSES = 100
+"""Over the train frames here, of steps three times as long: a pass takes two seconds of a core, not a GPU."""
 
 RATE = 1e-3
 """Its step of Adam: of logarithms to base 10 of stiffness, of the soft vector and of what friction is made of. Its
 damping of 0.1 moves by 1e-4, about this share of itself."""
 
 UPDATES = 19
-"""Steps that it takes in a pass: one a frame, of 20, after each of which it goes on from another stiffness. Our frames
+"""Steps that it takes in a pass: one a frame, of 20, after each of which it goes on with another stiffness. Our frames
 are rolled out together, and one step goes as far as those."""
+
+WINDOWS = 8
+"""Of truncated back-propagation, as in dense refinement. It passes derivatives back over one frame alone, which our
+train frames are too long for: the loss of a towel then rose by 6 % in 16 passes; with these it fell by 16 %."""
+
+STEP = RATE * UPDATES * ITS_PASSES / PASSES
+"""About the largest change of a coordinate in a pass."""
 
 STRIDE = 2
 """Every how many-th train frame the loss looks at, as in the other fits."""
@@ -42,32 +52,6 @@ FARTHEST = 1.0
 
 GLOBALS = ("softness", "friction", "damping", "controller_stiffness")
 """Coordinates after those of the anchors."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SpringGausFit:
-    """What came of the fit of one sequence."""
-
-    positions: np.ndarray
-    """[T, N, 3] metres, all frames of the episode; NaN if the last model diverged."""
-    surface: np.ndarray
-    """[N] bool, which of these can be seen."""
-    scores: Scores | None
-    """None if it diverged."""
-    seconds: float
-    """Of elapsed time, without the coarse fit's."""
-    losses: np.ndarray
-    """[passes] metres, on the train frames before each step; infinite where it diverged."""
-    body: "Body"
-    """The fitted one."""
-
-    def errors(self) -> dict[str, float | None]:
-        """Chamfer distances and track errors of train and test frames, metres; None where they are not finite."""
-        names = {"train_cd_m": "train_chamfer_m", "test_cd_m": "test_chamfer_m"}
-        names |= {"train_te_m": "train_track_m", "test_te_m": "test_track_m"}
-        values = {} if self.scores is None else self.scores.as_dict()
-        found = {name: values.get(key, np.inf) for name, key in names.items()}
-        return {name: value if np.isfinite(value) else None for name, value in found.items()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,6 +86,32 @@ class Body:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class SpringGausFit:
+    """What came of the fit of one sequence."""
+
+    positions: np.ndarray
+    """[T, N, 3] metres, all frames of the episode; NaN if it diverged."""
+    surface: np.ndarray
+    """[N] bool, which of these can be seen."""
+    scores: Scores | None
+    """None if it diverged."""
+    seconds: float
+    """Of one core, without the coarse fit's."""
+    losses: np.ndarray
+    """[passes] metres, on the train frames before each step; infinite where it diverged."""
+    body: Body
+    """The one of the least loss."""
+
+    def errors(self) -> dict[str, float | None]:
+        """Chamfer distances and track errors of train and test frames, metres; None where they are not finite."""
+        names = {"train_cd_m": "train_chamfer_m", "test_cd_m": "test_chamfer_m"}
+        names |= {"train_te_m": "train_track_m", "test_te_m": "test_track_m"}
+        values = {} if self.scores is None else self.scores.as_dict()
+        found = {name: values.get(key, np.inf) for name, key in names.items()}
+        return {name: value if np.isfinite(value) else None for name, value in found.items()}
+
+
 def fit_spring_gaus(
     anchored: Anchored,
     *,
@@ -111,30 +121,26 @@ def fit_spring_gaus(
 ) -> SpringGausFit:
     """Fit the model to the train frames of a sequence, from a body that is alike throughout.
 
+    The pass of least loss is kept. Its authors keep the last one, of much shorter steps.
+
     Args:
-        passes: over the train frames; of fewer, each takes as much longer steps, as far as all of them go.
+        passes: over the train frames.
         neighbours: that an anchor asks for; an eighth of all by default.
         progress: called after each pass with their number and its loss, metres; may raise to stop.
     """
-    began = time.perf_counter()
-    refinement = Refinement(
-        anchored.problem, body_like(anchored.model, neighbours), rate=RATE * UPDATES * PASSES / passes
-    )
+    began = time.process_time()
+    start = body_like(anchored.model, neighbours)
+    refinement = Refinement(anchored.problem, start)
     for done in range(passes):
-        loss = refinement.step()
-        progress(done + 1, loss)
-        if not np.isfinite(loss):
-            break
-    body = refinement.body()
-    positions = predict_body(body, anchored.problem)
-    surface = body.model.graph.surface
+        progress(done + 1, refinement.step())
+    positions, surface = predict_body(refinement.best, anchored.problem), start.model.graph.surface
     return SpringGausFit(
         positions=positions,
         surface=surface,
         scores=score(positions, surface, anchored.episode) if np.isfinite(positions).all() else None,
-        seconds=time.perf_counter() - began,
+        seconds=time.process_time() - began,
         losses=np.array(refinement.losses),
-        body=body,
+        body=refinement.best,
     )
 
 
@@ -175,35 +181,44 @@ def body_like(model: ObjectModel, neighbours: int | None = None) -> Body:
 
 
 class Refinement:
-    """Adam on the anchors' stiffness and what the body has one of (`GLOBALS`)."""
+    """Adam on the anchors' stiffness and what the body has one of (`GLOBALS`); `best` has the least loss so far."""
 
-    def __init__(self, problem: FitProblem, start: Body, *, rate: float = RATE * UPDATES) -> None:
-        """Start at a body; `rate` is about the largest change of a coordinate in a step."""
-        self.problem, self.start, self.rate = problem, start, rate
+    def __init__(self, problem: FitProblem, start: Body) -> None:
+        """Start at a body."""
+        self.problem, self.start = problem, start
         self.coordinates = np.zeros(len(start.anchors) + len(GLOBALS))
-        self.adam = Adam(rate=rate, size=len(self.coordinates))
+        self.best_coordinates = self.coordinates
+        self.adam = Adam(rate=STEP, size=len(self.coordinates))
         self.losses: list[float] = []
 
-    def body(self) -> Body:
-        """The body at the present coordinates."""
-        return body_at(self.start, self.coordinates)
-
     def step(self) -> float:
-        """Roll out, go a step down the gradient, and return the loss before it, metres."""
+        """Roll out, go a step down the gradient, and return the loss before it, metres.
+
+        From a body that diverges, which has no gradient, it goes on from the best one with what momentum is left.
+        """
         loss, gradient = self.derivative(self.coordinates)
+        if loss < min(self.losses, default=np.inf):
+            self.best_coordinates = self.coordinates
         self.losses.append(loss)
-        moved = self.coordinates - self.adam.step(gradient)
-        bounded = np.clip(moved, -FARTHEST, FARTHEST)
-        softness = len(self.start.anchors)
-        bounded[softness] = moved[softness]
-        self.coordinates = bounded
+        begun = self.coordinates if np.isfinite(loss) else self.best_coordinates
+        self.coordinates = np.clip(begun - self.adam.step(gradient), -self._farthest, self._farthest)
         return loss
 
-    def derivative(self, coordinates: np.ndarray, windows: int | None = None) -> tuple[float, np.ndarray]:
+    @property
+    def best(self) -> Body:
+        """The body of the least loss so far; the start if all diverged."""
+        return body_at(self.start, self.best_coordinates)
+
+    @property
+    def _farthest(self) -> np.ndarray:
+        """[N + 4]: the soft vector, which makes no spring stiffer, has no bound."""
+        return np.where(np.arange(len(self.coordinates)) == len(self.start.anchors), np.inf, FARTHEST)
+
+    def derivative(self, coordinates: np.ndarray, windows: int = WINDOWS) -> tuple[float, np.ndarray]:
         """The loss at some coordinates, metres, and its derivative [N + 4]; infinite and 0 if the body diverges.
 
         Args:
-            windows: of truncated back-propagation; by default one a frame, as it goes on from each frame without.
+            windows: of truncated back-propagation.
         """
         body, problem = body_at(self.start, coordinates), self.problem
         frames, surface = problem.loss_frames(STRIDE), body.model.graph.surface
@@ -213,10 +228,9 @@ class Refinement:
             errors, seeds = errors_and_gradient(positions[0], surface, problem, frames, fitted=len(frames))
             return np.array([np.nanmean(errors)]), seeds[None]
 
-        every = len(controls.times) - 1
         try:
             batch = body.batch(problem, controls)
-            _, losses, gradient = differentiate(batch, loss, windows=every if windows is None else windows)
+            _, losses, gradient = differentiate(batch, loss, windows=windows)
         except SimulationError:
             return np.inf, np.zeros_like(coordinates)
         order = spring_order(body.model)
@@ -233,7 +247,7 @@ class Refinement:
 
 
 def body_at(start: Body, coordinates: np.ndarray) -> Body:
-    """The body at coordinates [N + 4] from a start: decades of anchors' stiffness, then `GLOBALS`, all but h in decades."""
+    """The body at coordinates [N + 4] from a start: decades of the anchors' stiffness, h, and decades of the others."""
     count = len(start.anchors)
     softness, friction, damping, controller = coordinates[count:]
     parameters = start.model.parameters

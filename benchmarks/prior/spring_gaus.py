@@ -27,7 +27,7 @@ ITS_PASSES = 300
 """Over the train frames, on its synthetic objects, of which ours are; 200 on its real ones."""
 
 PASSES = 100
-"""Over the train frames here, of steps three times as long: a pass takes two seconds of a core, not a GPU."""
+"""Over the train frames here, of steps three times as long: a pass takes 1 to 2 seconds of a core."""
 
 RATE = 1e-3
 """Its step of Adam: of logarithms to base 10 of stiffness, of the soft vector and of what friction is made of. Its
@@ -38,8 +38,8 @@ UPDATES = 19
 are rolled out together, and one step goes as far as those."""
 
 WINDOWS = 8
-"""Of truncated back-propagation, as in dense refinement. It passes derivatives back over one frame alone, which our
-train frames are too long for: the loss of a towel then rose by 6 % in 16 passes; with these it fell by 16 %."""
+"""Of truncated back-propagation, as in dense refinement. It passes derivatives back over one frame alone: so
+the train loss of a towel rose by 6 % in 16 passes, with these it fell by 16 %."""
 
 STEP = RATE * UPDATES * ITS_PASSES / PASSES
 """About the largest change of a coordinate in a pass."""
@@ -55,7 +55,7 @@ GLOBALS = ("softness", "friction", "damping", "controller_stiffness")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Body:
+class AnchorBody:
     """An object as Spring-Gaus has it."""
 
     model: ObjectModel
@@ -100,7 +100,7 @@ class SpringGausFit:
     """Of one core, without the coarse fit's."""
     losses: np.ndarray
     """[passes] metres, on the train frames before each step; infinite where it diverged."""
-    body: Body
+    body: AnchorBody
     """The one of the least loss."""
 
     def errors(self) -> dict[str, float | None]:
@@ -130,7 +130,7 @@ def fit_spring_gaus(
     """
     began = time.process_time()
     start = body_like(anchored.model, neighbours)
-    refinement = Refinement(anchored.problem, start)
+    refinement = SpringGausRefinement(anchored.problem, start)
     for done in range(passes):
         progress(done + 1, refinement.step())
     positions, surface = predict_body(refinement.best, anchored.problem), start.model.graph.surface
@@ -144,7 +144,7 @@ def fit_spring_gaus(
     )
 
 
-def body_like(model: ObjectModel, neighbours: int | None = None) -> Body:
+def body_like(model: ObjectModel, neighbours: int | None = None) -> AnchorBody:
     """A body that is alike throughout and stores, and loses, as much as a coarse fit when it is stretched evenly.
 
     Its authors start from a stiffness that they set by hand for each object; here the coarse fit, which all methods
@@ -166,7 +166,7 @@ def body_like(model: ObjectModel, neighbours: int | None = None) -> Body:
         restitution=0.0,
         ground_projection=0.0,
     )
-    return Body(
+    return AnchorBody(
         model=replace(
             model,
             graph=springs.graph(graph.positions, graph.surface),
@@ -180,10 +180,10 @@ def body_like(model: ObjectModel, neighbours: int | None = None) -> Body:
     )
 
 
-class Refinement:
+class SpringGausRefinement:
     """Adam on the anchors' stiffness and what the body has one of (`GLOBALS`); `best` has the least loss so far."""
 
-    def __init__(self, problem: FitProblem, start: Body) -> None:
+    def __init__(self, problem: FitProblem, start: AnchorBody) -> None:
         """Start at a body."""
         self.problem, self.start = problem, start
         self.coordinates = np.zeros(len(start.anchors) + len(GLOBALS))
@@ -205,7 +205,7 @@ class Refinement:
         return loss
 
     @property
-    def best(self) -> Body:
+    def best(self) -> AnchorBody:
         """The body of the least loss so far; the start if all diverged."""
         return body_at(self.start, self.best_coordinates)
 
@@ -246,7 +246,7 @@ class Refinement:
         return float(losses[0]), np.concatenate([by_anchors * body.anchors * np.log(10.0), by_globals])
 
 
-def body_at(start: Body, coordinates: np.ndarray) -> Body:
+def body_at(start: AnchorBody, coordinates: np.ndarray) -> AnchorBody:
     """The body at coordinates [N + 4] from a start: decades of the anchors' stiffness, h, and decades of the others."""
     count = len(start.anchors)
     softness, friction, damping, controller = coordinates[count:]
@@ -265,7 +265,7 @@ def body_at(start: Body, coordinates: np.ndarray) -> Body:
     )
 
 
-def predict_body(body: Body, problem: FitProblem) -> np.ndarray:
+def predict_body(body: AnchorBody, problem: FitProblem) -> np.ndarray:
     """[T, N, 3] metres, as `identification.building.predict`; NaN if the rollout diverges."""
     first, frames = problem.first_frame, len(problem.controls.times)
     nothing = np.full((frames, *problem.start.shape), np.nan)

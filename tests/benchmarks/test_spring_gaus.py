@@ -14,7 +14,14 @@ from benchmarks.prior.anchor_springs import (
     soft_vector_slope,
 )
 from benchmarks.prior.anchors import Anchored
-from benchmarks.prior.spring_gaus import GLOBALS, Refinement, body_at, body_like, fit_spring_gaus, predict_body
+from benchmarks.prior.spring_gaus import (
+    GLOBALS,
+    SpringGausRefinement,
+    body_at,
+    body_like,
+    fit_spring_gaus,
+    predict_body,
+)
 from egophys_core.errors import SimulationError
 from egophys_core.observation import prepare
 from egophys_core.simulation import spring_order
@@ -115,7 +122,7 @@ def test_springs_of_the_batch_are_those_of_the_body():
 
 def test_derivative_by_the_coordinates_agrees_with_a_difference_of_losses():
     case = anchored()
-    refinement = Refinement(case.problem, body_like(case.model))
+    refinement = SpringGausRefinement(case.problem, body_like(case.model))
     coordinates = np.zeros_like(refinement.coordinates)
     _, gradient = refinement.derivative(coordinates, windows=1)
     generator = np.random.default_rng(3)
@@ -131,7 +138,7 @@ def test_a_few_passes_lower_the_loss_and_the_best_is_kept():
     fit = fit_spring_gaus(case, passes=8)
     assert fit.losses.min() < 0.9 * fit.losses[0]
     assert fit.positions.shape == (len(case.episode.times), 25, 3)
-    again, _ = Refinement(case.problem, fit.body).derivative(np.zeros(25 + len(GLOBALS)))
+    again, _ = SpringGausRefinement(case.problem, fit.body).derivative(np.zeros(25 + len(GLOBALS)))
     assert again == pytest.approx(fit.losses.min(), rel=1e-3)
     errors = fit.errors()
     assert list(errors) == ["train_cd_m", "test_cd_m", "train_te_m", "test_te_m"]

@@ -41,7 +41,7 @@ TEACHER_STEPS = 25
 
 
 @dataclass(frozen=True, kw_only=True)
-class Anchored:
+class AnchoredItem:
     """An item, ready to be rolled out, and its coarse fit."""
 
     episode: Episode
@@ -74,12 +74,12 @@ def make_anchor(item: Item, folder: Path) -> None:
         keep_model(refinement.best, episode, problem, folder, item, "teacher", time.process_time() - began)
 
 
-def read_anchored(item: Item, folder: Path) -> Anchored:
+def read_anchored(item: Item, folder: Path) -> AnchoredItem:
     """An item and its coarse fit."""
     episode = read_episode(item.path)
     problem, _ = prepared(episode)
     seconds = json.loads(_path(folder, item, "coarse").with_suffix(".json").read_text())["seconds"]
-    return Anchored(episode=episode, problem=problem, model=read_model(folder, item, "coarse"), seconds=seconds)
+    return AnchoredItem(episode=episode, problem=problem, model=read_model(folder, item, "coarse"), seconds=seconds)
 
 
 def keep_model(

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.prior.anchors import OPTIONS, SEED, Anchored, prepared, read_anchored
+from benchmarks.prior.anchors import OPTIONS, SEED, AnchoredItem, prepared, read_anchored
 from benchmarks.prior.dataset import FOLDER
 from benchmarks.prior.items import Item
+from benchmarks.prior.spring_gaus import fit_spring_gaus
 from benchmarks.side_by_side import side_by_side
 from egophys_core.errors import SimulationError
 from egophys_core.evaluation import Scores, baseline_scores, score
@@ -33,6 +34,7 @@ LEARNED = (CODEBOOK, "codebook K=8", "codebook K=16", "static codebook", "direct
 """By the names under which `train` keeps their checkpoints."""
 
 DENSE_BUDGETS = (25, 50, 100, 200)
+SPRING_GAUS = "Spring-Gaus"
 FEW_STEPS = 10
 REFINED = f"codebook K=4, then dense {FEW_STEPS} steps"
 SEARCHED = "coarse search with codebook K=4"
@@ -78,13 +80,16 @@ def measure_item(item: Item, models: list[str], anchors: Path, trained: Path, ro
     wanted = [steps for name, steps in budgets.items() if name in missing]
     for steps, model, seconds in refined(anchored, anchored.model, wanted):
         _keep(rows, item, anchored, f"dense {steps} steps", model, seconds)
-    for name in (name for name in missing if name not in budgets):
+    if SPRING_GAUS in missing:
+        fit = fit_spring_gaus(anchored)
+        keep_scores(rows, item, SPRING_GAUS, fit.scores, fit.seconds)
+    for name in (name for name in missing if name not in (*budgets, SPRING_GAUS)):
         began = time.process_time()
         model = _model(name, anchored, trained)
         _keep(rows, item, anchored, name, model, time.process_time() - began)
 
 
-def refined(anchored: Anchored, model: ObjectModel, budgets: list[int]) -> Iterator[tuple[int, ObjectModel, float]]:
+def refined(anchored: AnchoredItem, model: ObjectModel, budgets: list[int]) -> Iterator[tuple[int, ObjectModel, float]]:
     """The best model after each budget of dense steps, and the CPU seconds up to there."""
     refinement, seconds = DenseRefinement([anchored.problem], model, OPTIONS), 0.0
     for budget in budgets:
@@ -101,7 +106,7 @@ def read_rows(items: list[Item], model: str, rows: Path = ROWS) -> list[dict[str
     return [json.loads(path.read_text()) for path in paths if path.exists()]
 
 
-def rollout_cost_ratio(anchored: list[Anchored], codebook: Codebook) -> dict[str, Any]:
+def rollout_cost_ratio(anchored: list[AnchoredItem], codebook: Codebook) -> dict[str, Any]:
     """CPU time of a batch of rollouts with a codebook over that of the same batch without: median, and each."""
     ratios = []
     for each in anchored:
@@ -111,7 +116,7 @@ def rollout_cost_ratio(anchored: list[Anchored], codebook: Codebook) -> dict[str
     return {"rollout_cost_ratio": float(np.median(ratios)), "rollout_cost_ratios": ratios}
 
 
-def _seconds(anchored: Anchored, model: ObjectModel) -> float:
+def _seconds(anchored: AnchoredItem, model: ObjectModel) -> float:
     problem = anchored.problem
     batch = batch_of_models(
         [model] * COST_ROLLOUTS,
@@ -124,7 +129,7 @@ def _seconds(anchored: Anchored, model: ObjectModel) -> float:
     return time.process_time() - began
 
 
-def _model(name: str, anchored: Anchored, trained: Path) -> ObjectModel:
+def _model(name: str, anchored: AnchoredItem, trained: Path) -> ObjectModel:
     """What a model of the comparison makes of a coarse fit."""
     if name == COARSE:
         return anchored.model
@@ -141,21 +146,22 @@ def _model(name: str, anchored: Anchored, trained: Path) -> ObjectModel:
     raise ValueError(f"no model of the comparison is called {name!r}")
 
 
-def _keep(rows: Path, item: Item, anchored: Anchored, name: str, model: ObjectModel, seconds: float) -> None:
+def _keep(rows: Path, item: Item, anchored: AnchoredItem, name: str, model: ObjectModel, seconds: float) -> None:
     """Score a model and write its row."""
     began = time.process_time()
     try:
         positions = predict(model, anchored.problem)
     except SimulationError:
-        positions = np.full((len(anchored.episode.times), *anchored.problem.start.shape), np.nan, np.float32)
+        positions = None
     seconds += time.process_time() - began
-    keep_scores(rows, item, name, score(positions, model.graph.surface, anchored.episode), seconds)
+    scores = None if positions is None else score(positions, model.graph.surface, anchored.episode)
+    keep_scores(rows, item, name, scores, seconds)
 
 
-def keep_scores(rows: Path, item: Item, name: str, scores: Scores, seconds: float) -> None:
-    """Write the row of a model; errors that are not finite as none."""
-    values = {NAMES[key]: value for key, value in scores.as_dict().items() if key in NAMES}
-    finite = {key: value if np.isfinite(value) else None for key, value in values.items()}
+def keep_scores(rows: Path, item: Item, name: str, scores: Scores | None, seconds: float) -> None:
+    """Write the row of a model, without errors if it diverged."""
+    values = {} if scores is None else scores.as_dict()
+    finite = {short: values.get(key) for key, short in NAMES.items()}
     path = _path(rows, item, name)
     path.parent.mkdir(parents=True, exist_ok=True)
     row = {"item": item.name, "group": item.group, "paper": item.paper, "model": name, **finite, "seconds": seconds}

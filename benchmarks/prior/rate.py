@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from benchmarks.prior.anchors import Anchored
+from benchmarks.prior.anchors import AnchoredItem
 from egophys_core.prior import with_prior
 from egophys_core.simulation import Controls, batch_of_models, rollout
 from egophys_core.twin import Codebook, ObjectModel
@@ -21,7 +21,7 @@ PARTS = (1, 2, 5, 26)
 """Of a frame of 1/30 s; 26 is once a substep of the sheets and toys measured."""
 
 
-def rates(anchored: list[Anchored], codebook: Codebook) -> list[dict[str, Any]]:
+def rates(anchored: list[AnchoredItem], codebook: Codebook) -> list[dict[str, Any]]:
     """A row for each number of parts: CPU seconds, and mean distance of nodes from those of once a substep, mm."""
     found = []
     for parts in PARTS:
@@ -54,7 +54,7 @@ def cut(controls: Controls, parts: int) -> Controls:
     return replace(controls, times=times, positions=path(times).astype(np.float32), contact=controls.contact[frames])
 
 
-def _roll(anchored: Anchored, model: ObjectModel, parts: int) -> tuple[np.ndarray, float]:
+def _roll(anchored: AnchoredItem, model: ObjectModel, parts: int) -> tuple[np.ndarray, float]:
     """Nodes [F, N, 3] at the frames of the record, and CPU seconds."""
     problem = anchored.problem
     controls = cut(problem.controls.part(slice(problem.first_frame, None)), parts)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.prior.anchor_springs import AnchorSprings, anchor_springs
-from benchmarks.prior.anchors import Anchored
+from benchmarks.prior.anchors import AnchoredItem
 from egophys_core.errors import SimulationError
 from egophys_core.evaluation import Scores, score
 from egophys_core.identification.adam import Adam
@@ -113,7 +113,7 @@ class SpringGausFit:
 
 
 def fit_spring_gaus(
-    anchored: Anchored,
+    anchored: AnchoredItem,
     *,
     passes: int = PASSES,
     neighbours: int | None = None,

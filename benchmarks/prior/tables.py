@@ -17,6 +17,7 @@ from benchmarks.prior.measure import (
     REFINED,
     ROWS,
     SEARCHED,
+    SPRING_GAUS,
     checkpoint,
     read_rows,
     rollout_cost_ratio,
@@ -32,7 +33,7 @@ MODELS = (
     COARSE,
     *LEARNED,
     *(f"dense {steps} steps" for steps in DENSE_BUDGETS),
-    "Spring-Gaus",
+    SPRING_GAUS,
     REFINED,
     SEARCHED,
 )

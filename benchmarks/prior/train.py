@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from benchmarks.prior.anchors import OPTIONS, Anchored, read_anchored, stiffness_taught
+from benchmarks.prior.anchors import OPTIONS, AnchoredItem, read_anchored, stiffness_taught
 from benchmarks.prior.items import Item, all_items
 from benchmarks.prior.measure import checkpoint
 from benchmarks.prior.sequences import Split
@@ -29,6 +29,9 @@ VALIDATION_OBJECTS = (8, 13, 20, 24, 31)
 """Of the list of training objects: those that choose the pass which is kept, and teach nothing."""
 
 SEED = 0
+RATE = 3e-3
+"""Of Adam: three times the paper's, whose objects are seen a hundred times or more each, these twenty times."""
+
 SAMPLED_FRAMES = 12
 """Of each rollout, whose features say how they are spread."""
 
@@ -73,7 +76,7 @@ def train_model(
     names = {each.name: each for each in learned}
     spread = feature_range([read_anchored(each, anchors) for each in learned])
     network = StiffnessNetwork(model.form, model.prototypes, spread, seed=SEED)
-    training = Training(network=network)
+    training = Training(network=network, rate=RATE)
     read = cache(partial(_lesson, names=names, anchors=anchors))
     judged = [read_anchored(each, anchors) for each in validating]
     before = [held_out_error(each, None) for each in judged]
@@ -86,7 +89,8 @@ def train_model(
             continue
         codebook = network.codebook()
         after = [held_out_error(each, codebook) for each in judged]
-        ratio = float(np.mean(after) / np.mean(before))
+        # Of logarithms: a rollout or two that topple the other way would decide the mean.
+        ratio = float(np.exp(np.mean(np.log(np.array(after) / before))))
         if ratio < best:
             best = ratio
             notes = {"model": model.name, "pass": str(turn + 1), "sequences": str(len(learned)), "seed": str(SEED)}
@@ -106,7 +110,7 @@ def train_model(
         yield row
 
 
-def held_out_error(anchored: Anchored, codebook: Codebook | None) -> float:
+def held_out_error(anchored: AnchoredItem, codebook: Codebook | None) -> float:
     """Chamfer distance plus track error after the train frames, metres, with a prior or without."""
     model = anchored.model if codebook is None else with_prior(anchored.model, codebook)[0]
     problem, episode = anchored.problem, anchored.episode
@@ -116,7 +120,7 @@ def held_out_error(anchored: Anchored, codebook: Codebook | None) -> float:
     return float(np.nanmean(errors))
 
 
-def feature_range(anchors: list[Anchored]) -> FeatureRange:
+def feature_range(anchors: list[AnchoredItem]) -> FeatureRange:
     """How the features of coarse rollouts are spread, over all springs and some frames of each."""
     sampled = np.concatenate([_features(each) for each in anchors])
     low, high = np.percentile(sampled, [0.5, 99.5], axis=0)
@@ -129,7 +133,7 @@ def feature_range(anchors: list[Anchored]) -> FeatureRange:
     return FeatureRange(**{name: each.astype(np.float32) for name, each in values.items()})
 
 
-def _features(anchored: Anchored) -> np.ndarray:
+def _features(anchored: AnchoredItem) -> np.ndarray:
     """[M, F] features of an object's springs in some frames of its coarse rollout."""
     problem, model = anchored.problem, anchored.model
     graph, ground = model.graph, anchored.episode.ground_height

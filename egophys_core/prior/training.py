@@ -19,11 +19,13 @@ from egophys_core.prior.network import Assigned, StiffnessNetwork, dynamic_featu
 from egophys_core.simulation import BatchCodebook, RolloutBatch
 from egophys_core.simulation.gradients import Loss, differentiate
 
-WINDOWS = 8
-"""Windows of truncated back-propagation; as many as there are lanes, so that they cost no more than one."""
+WINDOWS = 24
+"""Windows of truncated back-propagation, of 0.2 s in a record of 7 s; a multiple of the lanes, so that they cost no
+more. Over longer ones sheets are chaotic: gradients of different ones then have nothing in common (docs/notes/prior.md)."""
 
-LARGEST_STEP = 1.0
-"""Longest gradient: chaos makes some that mean nothing."""
+LONGEST_GRADIENT = 0.01
+"""Where a rollout is chaotic, its gradient is a thousand times as long as others (0.002 to 0.01 m), and means nothing:
+unlimited, a few of them would decide how far Adam goes at all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +95,7 @@ class Training:
         self.steps += 1
         if result.failures[0] is not None or not np.isfinite(losses[0]):
             return float("inf")
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), LARGEST_STEP)
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), LONGEST_GRADIENT)
         self.optimiser.step()
         by_values = gradient.stiffness[0] * anchors[0]
         by_values += 2.0 * self.weights.residual * residual.values.detach().numpy() / len(by_values)

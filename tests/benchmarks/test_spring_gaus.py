@@ -13,7 +13,7 @@ from benchmarks.prior.anchor_springs import (
     soft_vector,
     soft_vector_slope,
 )
-from benchmarks.prior.anchors import Anchored
+from benchmarks.prior.anchors import AnchoredItem
 from benchmarks.prior.spring_gaus import (
     GLOBALS,
     SpringGausRefinement,
@@ -30,13 +30,13 @@ from tests.identification.synthetic import known_model, make_episode, sheet_shap
 ANCHORS = np.random.default_rng(0).uniform(-0.1, 0.1, (30, 3))
 
 
-def anchored(**motion) -> Anchored:
+def anchored(**motion) -> AnchoredItem:
     """A sheet that is stiffer than its coarse fit says."""
     shape, true = sheet_shape(), known_model(stiffness_rate=0.4)
     episode = make_episode(true, **motion)
     problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
     coarse = replace(true, stiffness=(0.3 * true.stiffness).astype(np.float32))
-    return Anchored(episode=episode, problem=problem, model=coarse, seconds=0.0)
+    return AnchoredItem(episode=episode, problem=problem, model=coarse, seconds=0.0)
 
 
 def test_each_anchor_asks_for_its_nearest_others():

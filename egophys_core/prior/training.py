@@ -21,7 +21,8 @@ from egophys_core.simulation.gradients import Loss, differentiate
 
 WINDOWS = 24
 """Windows of truncated back-propagation, of 0.2 s in a record of 7 s; a multiple of the lanes, so that they cost no
-more. Over longer ones sheets are chaotic: gradients of different ones then have nothing in common (docs/notes/prior.md)."""
+more. Over longer ones sheets are chaotic: gradients of different ones then have nothing in common
+(docs/notes/prior.md)."""
 
 LONGEST_GRADIENT = 0.01
 """Where a rollout is chaotic, its gradient is a thousand times as long as others (0.002 to 0.01 m), and means nothing:

@@ -30,8 +30,8 @@ LEANS_ANYWAY = 0.008
 """Radians (standard deviation) by which a sheet hangs off a plumb line anyway, for its folds and how it is held: in six
 records of one cloth, which hung 0.025 to 0.043 aslant, it was 0.007."""
 
-UNSEEN = 1e-3
-"""Weight of a plumb line that is upright, beside those seen: where nothing is seen it is."""
+LEANS = 0.1
+"""Radians (standard deviation) by which frames of records lean: what shows nothing of a direction is upright in it."""
 
 SURROGATES = 200
 """Plumb lines that lean as much in other directions."""
@@ -67,13 +67,13 @@ def lean(observation: TrackedEpisode) -> np.ndarray | None:
 
 
 def tilt_values(effect: Effect, leans: Sequence[np.ndarray]) -> np.ndarray:
-    """[D] parameters of an effect whose plumb line leans so [3] in each record, and elsewhere as little as may be."""
+    """[D] parameters of an effect whose plumb line leans so [3] in each record, and little beside that."""
     bounds = np.array([(each.low, each.high) for each in effect.parameters]).T
     start = np.array([each.null or 0.0 for each in effect.parameters])
 
     def off(values: np.ndarray) -> np.ndarray:
         plumb = _plumb(effect, values)
-        return np.array([*(_beside(each, plumb) for each in leans), *(UNSEEN * (values - start))])
+        return np.array([*(_beside(each, plumb) for each in leans), *(LEANS_ANYWAY / LEANS * (values - start))])
 
     return np.asarray(least_squares(off, start, bounds=bounds, xtol=1e-12, ftol=1e-12, gtol=1e-12).x)
 

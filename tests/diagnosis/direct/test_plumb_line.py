@@ -63,6 +63,12 @@ def test_a_tilt_out_of_the_plane_comes_back_and_names_what_is_the_same():
     assert "2.3 degrees aslant in all 2 episodes, as it would by tracking_rotation" in tilt.reason
 
 
+def test_what_faces_nearly_alike_tells_nothing_of_the_other_direction():
+    # Of two recorded cloths: taken to the letter, normals that differ by 0.004 rad would ask for half a radian.
+    leans = [np.array([-0.00151, 0.03699, 0.0]), np.array([-0.00157, 0.04255, 0.0])]
+    assert tilt_values(TILT, leans) == pytest.approx([0.04, 0.0], abs=1e-3)
+
+
 def test_nothing_injected_nothing_shows():
     (tilt,) = found(*map(hanging, (1, 2, 3)))
     assert not tilt.shows

@@ -172,13 +172,13 @@ def test_two_strings_plan_and_execute(planner, client, start_node):
     aim = planned.poses[-1].pose.position
     assert [end.x, end.y, end.z] == pytest.approx([aim.x, aim.y, aim.z], abs=0.003)
 
-    slow = {**OPTIONS, "segment_s": 8.0, "samples": 2, "iterations": 1}
+    slow = {**OPTIONS, "segment_s": 10.0, "settle_s": 20.0, "samples": 2, "iterations": 1}
     asked = PlanAndExecute.Request(target="present translate=0,0,0.001", options_json=json.dumps(slow))
     pending = client.node.create_client(PlanAndExecute, f"{PLANNER}/plan_and_execute")
     answer = pending.call_async(asked)
     moving = partial(client.message, PathMessage, f"{PLANNER}/path", qos=latched())
     wait_until(
-        lambda: len(moving().poses) > 0 and moving().poses[-1].header.stamp.sec - moving().header.stamp.sec > 10,
+        lambda: len(moving().poses) > 0 and moving().poses[-1].header.stamp.sec - moving().header.stamp.sec > 30,
         60,
         "the slow plan",
     )

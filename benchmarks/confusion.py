@@ -71,11 +71,17 @@ def _share(rows: Rows, names: list[str] | None) -> str:
 
 def _among(rows: Rows) -> int:
     """How many ambiguous sets have what was injected in them."""
-    return sum(row["outcome"] == "ambiguous" and row["effect"] in row["named"] for row in rows)
+    return sum(row["effect"] in row["named"] and row["effect"] not in _names(row) for row in rows)
 
 
 def _names(row: dict[str, Any]) -> list[str]:
-    return [] if row["outcome"] == "ambiguous" else list(row["named"])
+    match row["outcome"]:
+        case "ambiguous":
+            return []
+        case "named_and_ambiguous":
+            return list(row["beside"])
+        case _:
+            return list(row["named"])
 
 
 def said(row: dict[str, Any]) -> str:
@@ -85,4 +91,7 @@ def said(row: dict[str, Any]) -> str:
     if row["outcome"] == "ambiguous":
         # What it is confused with may be left out of the library.
         return " or ".join(row["named"] if len(row["named"]) > 1 else [*row["named"], "another"])
+    if row["outcome"] == "named_and_ambiguous":
+        known = row["beside"]
+        return f"{' and '.join(known)}, and {' or '.join(row['named'][len(known) :])}"
     return " and ".join(row["named"]) + (", and a rest" if row["outcome"] == "named_and_unexplained" else "")

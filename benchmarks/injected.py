@@ -145,6 +145,7 @@ def measure(case: Case) -> dict[str, Any]:
         **asdict(case),
         "outcome": str(diagnosis.outcome),
         "named": [effect.name for effect in diagnosis.effects],
+        "beside": list(diagnosis.decisions[-1].beside),
         "effects": content["effects"],
         "reason": diagnosis.reason,
         "candidates": content["candidates"][:5],

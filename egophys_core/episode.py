@@ -44,6 +44,9 @@ class Episode:
     """z of the table, metres."""
     held: bool = False
     """Whether it was said that hands hold the object from the first frame to the last; else that is looked for."""
+    contact: np.ndarray | None = None
+    """[T, C] bool, where it was recorded that a controller holds the object; None where that is looked for. `held` has
+    the last word."""
     no_table: bool = False
     """Whether it was said that there is no table; else that is looked for, too."""
 
@@ -68,6 +71,11 @@ class Episode:
         ):
             if array.shape != shape:
                 raise EpisodeError(f"{self.name}: {label} must be {shape}, got {array.shape}")
+        if self.contact is not None and (self.contact.shape, self.contact.dtype) != (controllers.shape[:2], np.bool_):
+            raise EpisodeError(
+                f"{self.name}: contact must be bool {controllers.shape[:2]}, got {self.contact.dtype} "
+                f"{self.contact.shape}"
+            )
         _require_steady_times(times, self.name)
         if not np.isfinite(controllers).all():
             frame, index = np.argwhere(~np.isfinite(controllers))[0][:2]
@@ -104,6 +112,7 @@ class Episode:
             points=self.points[first:],
             confidence=self.confidence[first:],
             controllers=self.controllers[first:],
+            contact=None if self.contact is None else self.contact[first:],
         )
 
     @property

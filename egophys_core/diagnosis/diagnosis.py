@@ -26,6 +26,8 @@ class Outcome(StrEnum):
     AMBIGUOUS = "ambiguous"
     """Several effects explain the residual alike; `experiment` would split them."""
     NAMED_AND_UNEXPLAINED = "named_and_unexplained"
+    NAMED_AND_AMBIGUOUS = "named_and_ambiguous"
+    """Beside what is named (`beside` of the last decision) several effects explain the rest alike."""
     UNEXPLAINED = "unexplained"
     """Structure that no effect of the library fits."""
 

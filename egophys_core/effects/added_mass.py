@@ -23,7 +23,7 @@ EFFECT = Effect(
     source="Lamb, Hydrodynamics (1932), sec. 71: a disc of radius a carries 8/3 rho a^3, r of the sheet's mass",
     parameters=(Parameter(name="ratio", unit="1", low=0.0, high=5.0, step=0.1, null=0.0),),
     traits=Traits(
-        confounders=("gravity_scale", "quadratic_drag", "bending_damping"),
+        confounders=("gravity_scale", "constant_body_force", "quadratic_drag", "bending_damping"),
         experiment="hang it by two corners and swing it, then let it fall flat: both are slow; a smaller gravity is "
         "slow on its edge, too",
         needs=frozenset({Need.THIN}),

@@ -36,7 +36,14 @@ EFFECT = Effect(
         Parameter(name=axis, unit="m/s^2", low=-6.0, high=6.0, step=0.3, null=0.0) for axis in ("x", "y", "z")
     ),
     traits=Traits(
-        confounders=("gravity_tilt", "gravity_scale", "tracking_offset", "point_attraction", "hidden_tether"),
+        confounders=(
+            "gravity_tilt",
+            "gravity_scale",
+            "added_mass",
+            "tracking_offset",
+            "point_attraction",
+            "hidden_tether",
+        ),
         experiment="let it hang still from one corner, then turn the whole set-up by 90 degrees: a tilt turns with it",
         same_in_every_motion=True,
         special_cases=("gravity_tilt", "gravity_scale"),

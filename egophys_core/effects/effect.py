@@ -137,6 +137,8 @@ class Effect:
     [F, C, 3] metres."""
     frame: Callable[[Values], np.ndarray] | None = None
     """From values to the rotation [3, 3] from the world, upright and with a level table, to the frame of the record."""
+    plumb: Callable[[Values], np.ndarray] | None = None
+    """From values to the direction [3] in which a plumb line points in the record, a unit vector."""
     clock: Callable[[Values, np.ndarray], np.ndarray] | None = None
     """From values and times [F] to the times [F] at which the record of the hands, and of their contacts, holds."""
 

@@ -23,7 +23,7 @@ EFFECT = Effect(
     source="Landau and Lifshitz, Fluid Mechanics (1987), sec. 3: buoyancy takes the share of the densities",
     parameters=(Parameter(name="scale", unit="1", low=0.3, high=2.0, step=0.05, null=1.0),),
     traits=Traits(
-        confounders=("constant_body_force", "tracking_scale", "uneven_mass"),
+        confounders=("constant_body_force", "tracking_scale", "uneven_mass", "added_mass"),
         experiment="let go of it above the table and time the fall; then let it hang still and look how far "
         "it stretches",
         same_in_every_motion=True,

@@ -4,14 +4,18 @@ import numpy as np
 
 from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.rotations import rotation
-from egophys_core.effects.traits import Traits
+from egophys_core.effects.traits import Measurement, Traits
 from egophys_core.effects.uniform_force import add_uniform_force
+
+
+def plumb(values: Values) -> np.ndarray:
+    """The turned direction of gravity."""
+    return np.asarray(-rotation(np.array([values["about_x"], values["about_y"], 0.0]))[:, 2])
 
 
 def numbers(values: Values, body: Body) -> np.ndarray:
     """[3] m/s^2: what turning gravity adds to it."""
-    turned = rotation(np.array([values["about_x"], values["about_y"], 0.0])) - np.eye(3)
-    return np.asarray(-body.gravity * turned[:, 2])
+    return np.asarray(body.gravity * (plumb(values) + [0.0, 0.0, 1.0]))
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -31,11 +35,13 @@ EFFECT = Effect(
         confounders=("constant_body_force", "tracking_rotation", "tracking_offset"),
         experiment="let it slide or roll on the table with no hand near: tilt pulls it downhill, a turned "
         "record does not",
+        measured_by=Measurement.PLUMB_LINE,
         same_in_every_motion=True,
         equivalent_to=("constant_body_force",),
         is_horizontal=lambda values: True,
         equivalent_in_air=("tracking_rotation",),
     ),
     starts=starts,
+    plumb=plumb,
     node_force=NodeForce(function=add_uniform_force, numbers=numbers),
 )

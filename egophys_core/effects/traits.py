@@ -29,6 +29,8 @@ class Measurement(StrEnum):
     """What is held moves with the hand."""
     TABLE_LEVEL = "table level"
     """A sheet that lies flat is level."""
+    PLUMB_LINE = "plumb line"
+    """A sheet that hangs at rest hangs along it."""
     RING_DOWN = "ring-down"
     """The middle of a ring-down in a clamp that stands still sinks as the material relaxes."""
 

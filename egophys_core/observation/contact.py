@@ -1,4 +1,4 @@
-"""When each hand holds the object or only presses against it, found from what the points near it do.
+"""When each hand holds the object or only presses against it: as recorded, or found from what the points near it do.
 
 What was measured and how the thresholds were chosen: docs/notes/contact.md.
 """
@@ -94,9 +94,11 @@ def see_hands(episode: Episode) -> SeenHands:
     """The hands of an episode, and how late its points are.
 
     A contact is found by what it does: points near the hand come along with it. A hand that rests on the
-    object and moves nothing has none.
+    object and moves nothing has none. Where it was recorded or said who holds the object, nothing is looked for.
     """
     groups = _group(episode.controllers)
+    if episode.contact is not None and not episode.held:
+        groups = [part for members in groups for part in _alike(members, episode.contact)]
     followed = following(episode, groups)
     seen = _with_delay(episode, groups, followed, followed.delay)
     if seen.delay and not any(each.kind == ContactKind.HOLD for hand in seen.hands for each in hand.contacts):
@@ -106,17 +108,30 @@ def see_hands(episode: Episode) -> SeenHands:
 
 
 def _with_delay(episode: Episode, groups: Sequence[np.ndarray], followed: Following, delay: float) -> SeenHands:
-    scenes = [
-        look_at_hand(episode, members, delay=delay, noise=noise)
-        for members, noise in zip(groups, followed.noise.tolist(), strict=True)
-    ]
-    whole = (Contact(first=0, last=episode.frames - 1, kind=ContactKind.HOLD),)
-    pairs = zip(groups, scenes, strict=True)
     hands = tuple(
-        Hand(controllers=members, contacts=whole if episode.held else _find_contacts(scene)) for members, scene in pairs
+        Hand(controllers=members, contacts=_contacts(episode, members, delay, noise))
+        for members, noise in zip(groups, followed.noise.tolist(), strict=True)
     )
     drift = followed.drift if delay else 0.0
     return SeenHands(hands=hands, delay=delay, drift=drift, noise=float(followed.noise.max(initial=0.0)))
+
+
+def _contacts(episode: Episode, members: np.ndarray, delay: float, noise: float) -> tuple[Contact, ...]:
+    """Contacts of one hand: what was said, else what was recorded, else what is found."""
+    if episode.held:
+        return (Contact(first=0, last=episode.frames - 1, kind=ContactKind.HOLD),)
+    if episode.contact is not None:
+        changes = np.flatnonzero(np.diff(episode.contact[:, members[0]].astype(np.int8), prepend=0, append=0))
+        return tuple(
+            Contact(first=first, last=end - 1, kind=ContactKind.HOLD) for first, end in changes.reshape(-1, 2).tolist()
+        )
+    return _find_contacts(look_at_hand(episode, members, delay=delay, noise=noise))
+
+
+def _alike(members: np.ndarray, contact: np.ndarray) -> list[np.ndarray]:
+    """Controllers [H] split into those that hold in the same frames of [T, C] flags."""
+    _, kind = np.unique(contact[:, members], axis=1, return_inverse=True)
+    return [members[kind.reshape(-1) == each] for each in range(kind.max() + 1)]
 
 
 def contact_flags(episode: Episode, hands: Sequence[Hand]) -> np.ndarray:

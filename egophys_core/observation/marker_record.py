@@ -121,5 +121,6 @@ def _from_onset(episode: Episode, onset: Onset) -> Episode:
         points=points.astype(np.float32),
         confidence=episode.confidence[frames],
         controllers=episode.controllers[frames],
+        contact=None,
     )
     return without_table(shown)

@@ -12,6 +12,8 @@ AT_ONCE = 100
 
 def why_unmoved(episode: Episode) -> str:
     """What to say of an episode in which no hand has contact."""
+    if episode.contact is not None:
+        return "no hand holds the object: the field contact of its controllers is 0 in all frames; check who sets it"
     nearest = _nearest(episode)
     if nearest > NEAR_HAND:
         return (

@@ -7,6 +7,7 @@ import numpy as np
 
 from egophys_core.episode import WORLD_FRAME, Episode
 from egophys_core.errors import EpisodeError, RecordingError
+from egophys_core.recording.contact_field import recorded_contact
 from egophys_core.recording.point_tracks import (
     LONGEST_FILLED_GAP_S,
     fill_short_gaps,
@@ -72,6 +73,7 @@ def decode_episode(
     - Points are stacked by id. One that is NaN, infinite or of confidence 0 counts as not seen; an id never
       seen is left out.
     - A controller missing for up to 0.5 s is interpolated (held at the ends); one missing longer is dropped.
+    - A field `contact` (uint8, 0 or 1) of all controller messages says which controllers hold the object.
 
     Everything left out or filled in is said in an `EpisodeWarning` with its count, except points not seen.
 
@@ -84,7 +86,7 @@ def decode_episode(
         ground_height: z of the table, metres.
 
     Raises:
-        RecordingError: a message is no point cloud with x, y, z and id.
+        RecordingError: a message is no point cloud with x, y, z and id, or `contact` is in some only or no flag.
         EpisodeError: no messages, stamps that jump, another frame, no controller left, or what `Episode` refuses
             (fewer than two frames, millimetres, nothing visible at the start).
     """
@@ -109,8 +111,9 @@ def decode_episode(
     stamps_ns = np.array([message.stamp_ns for message in objects], np.int64)
     times = (stamps_ns - stamps_ns[0]) * 1e-9
     point_ids, points, confidence = stack_by_id(objects, f"{name} {object_topic}")
-    controller_ids, tracks, _ = stack_by_id(controllers, f"{name} {controller_topic}")
-    controller_ids, tracks = fill_short_gaps(times, controller_ids, tracks, f"{name} {controller_topic}")
+    label = f"{name} {controller_topic}"
+    controller_ids, tracks, _ = stack_by_id(controllers, label)
+    controller_ids, tracks = fill_short_gaps(times, controller_ids, tracks, label)
     if len(controller_ids) == 0:
         raise EpisodeError(
             f"{name}: no controller on {controller_topic} is seen throughout (gaps of up to "
@@ -124,6 +127,7 @@ def decode_episode(
         point_ids=point_ids,
         controllers=tracks,
         controller_ids=controller_ids,
+        contact=recorded_contact(controllers, controller_ids, label),
         ground_height=ground_height,
     )
 

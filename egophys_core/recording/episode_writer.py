@@ -62,6 +62,7 @@ def write_episode(
                     xyz=episode.controllers[index],
                     ids=episode.controller_ids,
                     confidence=certain,
+                    contact=None if episode.contact is None else episode.contact[index],
                 ),
                 stamp_ns,
             )

@@ -32,6 +32,10 @@ POINT_FIELDS: tuple[tuple[str, int, int], ...] = (
 """(name, offset, datatype) of the PointFields that describe `POINT_DTYPE`; every count is 1."""
 
 
+CONTACT_FIELD = ("contact", POINT_DTYPE.itemsize, 2)
+"""The PointField (uint8) that a controller point may have after those."""
+
+
 class PointFieldLike(Protocol):
     """The attributes of a sensor_msgs/PointField."""
 
@@ -55,6 +59,8 @@ class PointFrame:
     """[P, 3] float32, metres in `frame_id`; may hold NaN."""
     confidence: np.ndarray
     """[P] float32; 1 where the message has no such field."""
+    contact: np.ndarray | None = None
+    """[P] of the field `contact` as it was sent; None where the message has no such field."""
 
 
 def decode_points(cdr: bytes, *, source: str) -> PointFrame:
@@ -112,6 +118,7 @@ def points_of_message(message: Any, *, source: str) -> PointFrame:
         confidence=(
             table["confidence"].astype(np.float32) if "confidence" in names else np.ones(len(table), np.float32)
         ),
+        contact=table["contact"].copy() if "contact" in names else None,
     )
 
 
@@ -144,30 +151,47 @@ def _xyz(table: np.ndarray, source: str) -> np.ndarray:
     return np.stack([table[name] for name in "xyz"], axis=1).astype(np.float32)
 
 
-def pack_points(xyz: np.ndarray, ids: np.ndarray, confidence: np.ndarray) -> bytes:
-    """Lay out points as the `data` of a PointCloud2 with `POINT_FIELDS` and `point_step` 20.
+def pack_points(xyz: np.ndarray, ids: np.ndarray, confidence: np.ndarray, contact: np.ndarray | None = None) -> bytes:
+    """Lay out points as the `data` of a PointCloud2 with `POINT_FIELDS` and `point_step` 20; with `contact` it is 21.
 
     Args:
         xyz: [P, 3], metres.
         ids: [P], 0 to 2^32 - 1.
         confidence: [P], 0 to 1.
+        contact: [P] bool, which points hold the object; the field is left out without it.
 
     Raises:
         RecordingError: the shapes do not fit together.
     """
-    if xyz.ndim != 2 or xyz.shape[1] != 3 or ids.shape != xyz.shape[:1] or confidence.shape != xyz.shape[:1]:
+    columns = (ids, confidence) if contact is None else (ids, confidence, contact)
+    if xyz.ndim != 2 or xyz.shape[1] != 3 or any(each.shape != xyz.shape[:1] for each in columns):
         raise RecordingError(
-            f"points must be xyz [P, 3], ids [P], confidence [P]; got {xyz.shape}, {ids.shape}, {confidence.shape}"
+            f"points must be xyz [P, 3], ids [P], confidence [P], contact [P]; got {xyz.shape}, "
+            f"{', '.join(str(each.shape) for each in columns)}"
         )
-    table = np.empty(len(xyz), POINT_DTYPE)
+    table = np.empty(len(xyz), _dtype_of_points(with_contact=contact is not None))
     table["x"], table["y"], table["z"] = xyz.T
     table["id"] = ids
     table["confidence"] = confidence
+    if contact is not None:
+        table["contact"] = contact
     return table.tobytes()
 
 
-def encode_points(*, stamp_ns: int, frame_id: str, xyz: np.ndarray, ids: np.ndarray, confidence: np.ndarray) -> bytes:
-    """Serialize points as a PointCloud2 in this project's layout (`POINT_FIELDS`).
+def _dtype_of_points(*, with_contact: bool) -> np.dtype[np.void]:
+    return np.dtype([*POINT_DTYPE.descr, ("contact", "u1")]) if with_contact else POINT_DTYPE
+
+
+def encode_points(
+    *,
+    stamp_ns: int,
+    frame_id: str,
+    xyz: np.ndarray,
+    ids: np.ndarray,
+    confidence: np.ndarray,
+    contact: np.ndarray | None = None,
+) -> bytes:
+    """Serialize points as a PointCloud2 in this project's layout (`POINT_FIELDS`, and `CONTACT_FIELD` with `contact`).
 
     Args:
         stamp_ns: header stamp, nanoseconds since the epoch.
@@ -175,6 +199,7 @@ def encode_points(*, stamp_ns: int, frame_id: str, xyz: np.ndarray, ids: np.ndar
         xyz: [P, 3], metres.
         ids: [P], 0 to 2^32 - 1.
         confidence: [P], 0 to 1.
+        contact: [P] bool, which points hold the object; the field is left out without it.
 
     Returns:
         The CDR bytes, with encapsulation.
@@ -182,7 +207,7 @@ def encode_points(*, stamp_ns: int, frame_id: str, xyz: np.ndarray, ids: np.ndar
     Raises:
         RecordingError: the shapes do not fit together.
     """
-    data = pack_points(xyz, ids, confidence)
+    data = pack_points(xyz, ids, confidence, contact)
     store = jazzy_types()
     types = store.types
     seconds, nanoseconds = divmod(stamp_ns, 1_000_000_000)
@@ -194,10 +219,10 @@ def encode_points(*, stamp_ns: int, frame_id: str, xyz: np.ndarray, ids: np.ndar
         width=len(xyz),
         fields=[
             types["sensor_msgs/msg/PointField"](name=name, offset=offset, datatype=datatype, count=1)
-            for name, offset, datatype in POINT_FIELDS
+            for name, offset, datatype in (*POINT_FIELDS, *(() if contact is None else (CONTACT_FIELD,)))
         ],
         is_bigendian=False,
-        point_step=POINT_DTYPE.itemsize,
+        point_step=_dtype_of_points(with_contact=contact is not None).itemsize,
         row_step=len(data),
         data=np.frombuffer(data, np.uint8),
         is_dense=bool(np.isfinite(xyz).all()),

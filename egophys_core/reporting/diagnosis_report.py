@@ -28,6 +28,7 @@ TAGS = {
     "named": ("effect found", AFTER),
     "ambiguous": ("cannot tell yet", "#b36b00"),
     "named_and_unexplained": ("effect found, and a rest", AFTER),
+    "named_and_ambiguous": ("effect found, and one of several", AFTER),
     "unexplained": ("unexplained", "#a4262c"),
 }
 """Outcome -> label and its colour."""

@@ -64,6 +64,13 @@ def headline(content: Mapping[str, Any], texts: Mapping[str, EffectText]) -> str
             return f"The twin lacks something, perhaps this: {lacks}. These recordings are too few to be sure."
         case "named_and_unexplained":
             return f"The twin lacks {_count(names)}: {lacks}. {gain} The rest has a cause that is not known."
+        case "named_and_ambiguous":
+            known = len(content["decisions"][-1]["beside"])
+            lacks, either = join(phrases[:known], "and"), join(phrases[known:], "or")
+            return (
+                f"The twin lacks {_count(names[:known])}: {lacks}. It lacks one more, and these recordings cannot tell "
+                f"which: {either}. {gain}"
+            )
         case _:
             return f"The twin is wrong in a way that no known effect explains.{_left(content)}"
 

@@ -64,6 +64,7 @@ def test_rows_of_older_revisions_stand_apart_and_say_theirs():
         ("none", [], "none"),
         ("ambiguous", ["tilt"], "tilt or another"),
         ("named_and_unexplained", ["drag"], "drag, and a rest"),
+        ("named_and_ambiguous", ["delay", "drag", "tilt"], "delay, and drag or tilt"),
     ],
 )
 def test_confusion_matrix_marks_cells_of_older_revisions(outcome, names, cell):
@@ -79,7 +80,7 @@ def test_confusion_matrix_marks_cells_of_older_revisions(outcome, names, cell):
 
     rows = [
         row("none", "", "bbbbbbb", object="sheet", motions=["lift"]),
-        row("drag", "large", "aaaaaaa", outcome=outcome, named=names),
+        row("drag", "large", "aaaaaaa", outcome=outcome, named=names, beside=names[:1]),
         row("drag", "small", "bbbbbbb"),
     ]
     text = confusion_table({"rows": rows, "moved_m": {"drag": {"large": 0.01}}}, SOME_DATES)

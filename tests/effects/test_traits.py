@@ -48,6 +48,8 @@ def test_what_is_measured_directly_has_the_map_that_it_is_measured_by(effect: Ef
             has_map = any((effect.clock, effect.drive))
         case Measurement.TABLE_LEVEL:
             has_map = effect.frame is not None
+        case Measurement.PLUMB_LINE:
+            has_map = effect.plumb is not None
         case Measurement.RING_DOWN:
             has_map = traits.degenerate_parameter is not None and len(effect.parameters) == 2
     assert has_map

@@ -19,7 +19,7 @@ from egophys_core.kinds.kind import Searched
 from egophys_core.twin import encode_twin
 from tests.identification.synthetic import sheet_episode
 
-OPTIONS = FitOptions(generations=4, population=6, frame_stride=6)
+OPTIONS = FitOptions(generations=4, population=6, frame_stride=6, dense_steps=2)
 SEED = 3
 
 

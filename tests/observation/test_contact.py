@@ -1,14 +1,16 @@
 """When hands hold, press and let go, on episodes whose truth is written in the test."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from egophys_core.episode import Episode
-from egophys_core.observation import contact_flags, find_hands
+from egophys_core.observation import contact_flags, find_hands, observe_episode
 from egophys_core.observation.contact import see_hands
+from egophys_core.observation.unmoved import why_unmoved
 from egophys_core.simulation import ContactKind
 from tests.identification.synthetic import ARRIVAL, FPS, episode_of, known_model, make_episode, sheet_episode, without
 from tests.simulation.scenes import sheet_positions
@@ -398,3 +400,32 @@ def test_episode_without_controllers_has_no_hands():
     times = seconds(1.0)
     episode = episode_of(np.tile(ball(), (len(times), 1, 1)), np.zeros((len(times), 0, 3)), times)
     assert find_hands(episode) == ()
+
+
+def test_recorded_contacts_are_taken_as_they_are():
+    # Of a hand that lifts from 1.0 to 3.0 s it was recorded that fingers 0 and 1 hold in two spans, the others never.
+    times = seconds(4.0)
+    hand, displacement = lift_and_let_go(times)
+    episode = observed(times, ball() + displacement[:, None], fingers(hand))
+    flags = np.zeros((len(times), 8), bool)
+    flags[20:50, :2] = flags[60:, :2] = True
+    declared = replace(episode, contact=flags)
+    hands = find_hands(declared)
+    by_fingers = {tuple(each.controllers.tolist()): [(one.first, one.last) for one in each.contacts] for each in hands}
+    assert by_fingers == {(0, 1): [(20, 49), (60, len(times) - 1)], (2, 3, 4, 5, 6, 7): []}
+    assert np.array_equal(contact_flags(declared, hands) == HOLD, flags)
+    assert observe_episode(declared).touched == 20
+
+
+def test_where_no_hand_holds_by_the_record_that_is_said():
+    episode = sheet_episode()
+    never = replace(episode, contact=np.zeros(episode.controllers.shape[:2], bool))
+    assert "field contact of its controllers is 0 in all frames" in why_unmoved(never)
+
+
+def test_what_is_said_has_the_last_word_on_contacts():
+    times = seconds(4.0)
+    hand, displacement = lift_and_let_go(times)
+    episode = observed(times, ball() + displacement[:, None], fingers(hand))
+    declared = replace(episode, contact=np.zeros((len(times), 8), bool), held=True)
+    assert found(declared) == [[about(HOLD, 0.0, times[-1])]]

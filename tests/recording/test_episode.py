@@ -14,19 +14,21 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.recording import (
     EpisodeWarning,
+    PointFrame,
     Record,
     decode_episode,
     encode_points,
     read_episode,
     write_episode,
 )
+from egophys_core.recording.contact_field import recorded_contact
 
 OBJECT, CONTROLLER = "/object/points", "/controller/points"
 FRAME_NS = 33_333_333
 
 
-def record(topic, stamp_ns, points, *, frame_id="world", type_name="sensor_msgs/msg/PointCloud2"):
-    """A message of points given as {id: (x, y, z)} or {id: (x, y, z, confidence)}."""
+def record(topic, stamp_ns, points, *, frame_id="world", type_name="sensor_msgs/msg/PointCloud2", contact=None):
+    """A message of points given as {id: (x, y, z)} or {id: (x, y, z, confidence)}, with flags of contact or without."""
     rows = np.array([[*values, 1.0][:4] for values in points.values()], np.float32).reshape(-1, 4)
     cdr = encode_points(
         stamp_ns=stamp_ns,
@@ -34,6 +36,7 @@ def record(topic, stamp_ns, points, *, frame_id="world", type_name="sensor_msgs/
         xyz=rows[:, :3],
         ids=np.array(list(points), np.uint32),
         confidence=rows[:, 3],
+        contact=None if contact is None else np.array(contact),
     )
     return Record(topic=topic, type=type_name, log_time_ns=stamp_ns, cdr=cdr)
 
@@ -239,6 +242,61 @@ def test_topics_can_be_named(tmp_path):
     assert again.ground_height == 0.25
 
 
+def holding(flags, *, missing=()):
+    """Controllers 1 and 5 with these flags in each frame, 5 not in the frames `missing`; None: without the field."""
+    return [
+        record(
+            CONTROLLER,
+            i * FRAME_NS,
+            {1: (0, 0, 1)} if i in missing else {5: (0, 0, 2), 1: (0, 0, 1)},
+            contact=None if each is None else each[:1] if i in missing else each[::-1],
+        )
+        for i, each in enumerate(flags)
+    ]
+
+
+def test_contact_of_controllers_is_read_by_id():
+    flags = [(1, 0)] * 10 + [(0, 1)] * 20
+    episode = decode_quietly(objects() + holding(flags))
+    np.testing.assert_array_equal(episode.contact, np.array(flags, bool), strict=True)
+    assert decode_quietly(objects() + controllers()).contact is None
+
+
+def test_a_controller_not_seen_does_what_it_did_before():
+    flags = [(1, 0)] * 10 + [(1, 1)] * 20
+    episode = decode_quietly(objects() + holding(flags, missing=(0, 1, 10, 11, 12)))
+    np.testing.assert_array_equal(episode.contact[:, 1], np.arange(30) >= 13)
+
+
+@pytest.mark.parametrize(
+    ("flags", "reason"),
+    [
+        ([(1, 0)] * 12 + [None] * 18, r"18 of 30 messages, the first in frame 12, have no field contact.*or in none"),
+        (
+            [(1, 0)] * 7 + [(1, 2)] * 23,
+            r"frame 7: contact of controller 5 is 2; it must be 1 .* or 0",
+        ),
+    ],
+    ids=["in some frames", "no flag"],
+)
+def test_contact_that_is_no_flag_or_comes_and_goes_is_one_error(flags, reason):
+    with pytest.raises(RecordingError, match=f"test {CONTROLLER}: {reason}"):
+        decode_quietly(objects() + holding(flags))
+
+
+def test_contact_of_another_type_is_refused():
+    forces = PointFrame(
+        stamp_ns=0,
+        frame_id="world",
+        ids=np.array([1], np.uint32),
+        xyz=np.zeros((1, 3), np.float32),
+        confidence=np.ones(1, np.float32),
+        contact=np.array([0.5], np.float32),
+    )
+    with pytest.raises(RecordingError, match="log: frame 0: field contact must be uint8, got float32"):
+        recorded_contact([forces], np.array([1], np.uint32), "log")
+
+
 @st.composite
 def episodes(draw):
     frames, points = draw(st.integers(2, 8)), draw(st.integers(1, 5))
@@ -256,6 +314,7 @@ def episodes(draw):
         point_ids=np.sort(draw(hnp.arrays(np.uint32, points, unique=True))),
         controllers=draw(hnp.arrays(np.float32, (frames, hands, 3), elements=metres)),
         controller_ids=np.sort(draw(hnp.arrays(np.uint32, hands, unique=True))),
+        contact=draw(st.none() | hnp.arrays(np.bool_, (frames, hands))),
     )
 
 
@@ -267,5 +326,5 @@ def test_written_episode_reads_back(episode, start_ns):
         write_episode(episode, Path(folder) / "bag", start_ns=start_ns)
         again = read_episode(Path(folder) / "bag")
     np.testing.assert_allclose(again.times, episode.times, atol=2e-9)
-    for name in ("points", "confidence", "point_ids", "controllers", "controller_ids"):
+    for name in ("points", "confidence", "point_ids", "controllers", "controller_ids", "contact"):
         np.testing.assert_array_equal(getattr(again, name), getattr(episode, name), strict=True)

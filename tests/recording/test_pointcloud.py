@@ -179,3 +179,15 @@ def test_damaged_message_is_refused_or_read_as_points(data):
     except RecordingError:
         return
     assert frame.xyz.shape == (len(frame.ids), 3)
+
+
+def test_contact_is_one_more_byte_of_a_point():
+    xyz, ids, flags = np.zeros((3, 3), np.float32), np.arange(3), np.array([True, False, True])
+    frame = decode_points(
+        encode_points(stamp_ns=0, frame_id="world", xyz=xyz, ids=ids, confidence=np.ones(3), contact=flags),
+        source="test",
+    )
+    np.testing.assert_array_equal(frame.contact, flags.astype(np.uint8), strict=True)
+    assert len(pack_points(xyz, ids, np.ones(3), flags)) == 3 * (POINT_DTYPE.itemsize + 1)
+    with pytest.raises(RecordingError, match=r"got \(3, 3\), \(3,\), \(3,\), \(2,\)"):
+        pack_points(xyz, ids, np.ones(3), flags[:2])

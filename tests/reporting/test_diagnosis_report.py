@@ -181,12 +181,22 @@ def test_every_text_is_escaped():
         (Outcome.AMBIGUOUS, ("anisotropy",), "perhaps this: anisotropy. These recordings are too few"),
         (Outcome.NAMED, ("a", "quadratic_drag"), "2 things: a; and air drag, as of the square of the speed. With"),
         (Outcome.NAMED_AND_UNEXPLAINED, ("a",), "lacks one thing: a. With it, the error"),
+        (
+            Outcome.NAMED_AND_AMBIGUOUS,
+            ("known", "b", "c"),
+            "lacks one thing: known. It lacks one more, and these recordings cannot tell which: b or c. With it, the",
+        ),
         (Outcome.UNEXPLAINED, (), "in a way that no known effect explains. It is off by 12.0 mm"),
     ],
 )
 def test_each_outcome_has_its_words(outcome, names, part):
     named = make_diagnosis().effects[0]
-    diagnosis = make_diagnosis(outcome=outcome, effects=tuple(replace(named, name=name) for name in names))
+    beside = tuple(name for name in names if name == "known")
+    diagnosis = make_diagnosis(
+        outcome=outcome,
+        effects=tuple(replace(named, name=name) for name in names),
+        decisions=(make_decision(beside=beside),),
+    )
     assert part in headline(diagnosis.as_dict(), TEXTS)
     assert part in read(diagnosis)
 

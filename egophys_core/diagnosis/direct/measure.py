@@ -1,14 +1,15 @@
 """Effects that are measured directly, before any physics of the object.
 
 Grips tell whether the record of the hands is early, too small or too large, and whether the object slips; what lies
-flat tells whether the tracking frame is level; what swings in a clamp, whether its material relaxes. The twin, which is
-never right, has no part in it.
+flat tells whether the tracking frame is level; what hangs, where gravity points in it; what swings in a clamp, whether
+its material relaxes. The twin, which is never right, has no part in it.
 """
 
 from collections.abc import Collection, Sequence
 
 from egophys_core.diagnosis.direct.grip_effects import grip_effects
 from egophys_core.diagnosis.direct.measured import Estimator, MeasuredEffect, Recordings
+from egophys_core.diagnosis.direct.plumb_line import plumb_line_effects
 from egophys_core.diagnosis.direct.ring_down_effects import ring_down_effects
 from egophys_core.diagnosis.direct.table_level import table_level_effects
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
@@ -18,6 +19,7 @@ from egophys_core.effects.traits import Measurement
 
 ESTIMATORS: dict[Measurement, Estimator] = {
     Measurement.TABLE_LEVEL: table_level_effects,
+    Measurement.PLUMB_LINE: plumb_line_effects,
     Measurement.GRIPS: grip_effects,
     Measurement.RING_DOWN: ring_down_effects,
 }

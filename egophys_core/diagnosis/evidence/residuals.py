@@ -51,6 +51,8 @@ class TrackedEpisode:
     tracks: ObservedTracks
     touched: int
     """First frame of contact."""
+    still: int = 1
+    """Frames before hands move the object, at least 1."""
     rest: np.ndarray
     """[P, 3] metres, the tracks before hands move the object."""
     first: int
@@ -124,6 +126,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
         problem=problem,
         tracks=tracks,
         touched=touched,
+        still=observed.still,
         rest=rest,
         delay=observed.delay,
         noise=observed.noise,

@@ -21,7 +21,7 @@ class Explanation:
 
     outcome: Outcome
     named: tuple[MeasuredEffect | RefittedEffect, ...]
-    """The effects named, or those that cannot be told apart; the best first."""
+    """The effects named, and those that cannot be told apart, the best of them first."""
     reason: str
     experiment: str | None
     fitted: Fitted
@@ -70,17 +70,22 @@ def explain(
     last = searches[-1].verdict
     outcome = Outcome.NAMED
     if not named:
-        outcome, named = last.outcome, [*last.named]
-        fitted = last.named[0].fitted if last.named else searches[-1].before
+        outcome = last.outcome
+        fitted = searches[-1].before
+    elif last.outcome == Outcome.AMBIGUOUS:
+        outcome = Outcome.NAMED_AND_AMBIGUOUS
     elif last.outcome not in (Outcome.NAMED, Outcome.NONE):
         outcome = Outcome.NAMED_AND_UNEXPLAINED
+    if last.outcome == Outcome.AMBIGUOUS:
+        named += last.named
+        fitted = last.named[0].fitted
     if last.outcome != Outcome.NAMED and (outcome != Outcome.NAMED or not named):
         reasons.append(last.reason)
     return Explanation(
         outcome=outcome,
         named=tuple(named),
         reason="; beside it, ".join(reasons),
-        experiment=searches[0].verdict.experiment,
+        experiment=(last if last.outcome == Outcome.AMBIGUOUS else searches[0].verdict).experiment,
         fitted=fitted,
         searches=tuple(searches),
         decisions=tuple(decisions),

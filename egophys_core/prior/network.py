@@ -15,6 +15,9 @@ HIDDEN = 64
 TEMPERATURE = 0.7
 """Of the softmax (paper, App. B.3)."""
 
+FIRST_HEADS = 0.1
+"""Of their usual size: an offset that means nothing makes rollouts worse from the start."""
+
 FIRST_PROTOTYPES = 0.5
 """Prototypes begin evenly spread over offsets up to this, either way."""
 
@@ -117,8 +120,8 @@ class StiffnessNetwork(torch.nn.Module):
         self.head_bias = torch.nn.Parameter(torch.zeros(banks, outputs))
         spaced = torch.linspace(-FIRST_PROTOTYPES, FIRST_PROTOTYPES, prototypes).repeat(banks, 1)
         self.prototypes = torch.nn.Parameter(torch.zeros(banks, 0) if form is Form.DIRECT else spaced)
-        if form is Form.DIRECT:
-            self.head_weights.data *= 0.1
+        # So that prototypes begin with nearly equal shares, whose mean is 0.
+        self.head_weights.data *= FIRST_HEADS
 
     def forward(self, static: torch.Tensor, dynamic: torch.Tensor, stretched: torch.Tensor) -> Assigned:
         """Offsets of springs with features [E, S] and [R, E, 6], of which some are stretched [R, E]."""

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchmarks import beam, blind, cable, cost, effects, film, injected, measured, perception, physics, towel, trust
+from benchmarks.prior import tables as prior_tables
 from benchmarks.provenance import commit, machine
 from benchmarks.report import RESULTS, renew
 from egophys_core.files import write_json
@@ -25,6 +26,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "beam": beam.run,
     "cable": cable.run,
     "measured": measured.run,
+    "prior": prior_tables.run,
     "cost": cost.run,
     "trust": trust.run,
 }

@@ -1,7 +1,8 @@
 """`python -m benchmarks.prior COMMAND`: from seeds to the tables of the prior, one command a step.
 
 `data` makes the episodes, `anchors` fits each coarsely, `train` learns from the training part, `measure` compares all
-models on the rest, `tables` writes `benchmarks/results/prior.json`. Each keeps what it has done and goes on from there.
+models on the rest; `python -m benchmarks.run prior` makes the tables of it. Each keeps what it has done and goes on
+from there.
 """
 
 import argparse
@@ -16,9 +17,7 @@ from benchmarks.prior.dataset import CHECKSUMS, FOLDER, make_set, warn_of_others
 from benchmarks.prior.items import Item, all_items
 from benchmarks.prior.measure import CODEBOOK, ROWS, measure_all, measure_baselines
 from benchmarks.prior.sequences import Split
-from benchmarks.prior.tables import MODELS, TRAINED, run
-from benchmarks.provenance import commit, machine
-from benchmarks.report import RESULTS, renew
+from benchmarks.prior.tables import MODELS, TRAINED
 from egophys_core.files import write_json
 
 
@@ -41,13 +40,11 @@ def main() -> int:
     measure.add_argument("--models", nargs="+", default=list(MODELS), help="as the table names them; default all")
     measure.add_argument("--only", choices=("paper", "rehearsed", "recorded"), help="a part of the held-out episodes")
     measure.set_defaults(run=_measure)
-    tables = commands.add_parser("tables", help="write the results file and the page from what is measured")
-    tables.set_defaults(run=_tables)
     for each in (anchors, train, measure):
         each.add_argument("--data", type=Path, default=FOLDER, metavar="DIR", help=f"the set; default {FOLDER}")
         each.add_argument("--anchors", type=Path, default=ANCHORS, metavar="DIR", help=f"default {ANCHORS}")
-    for each in (train, measure):
-        each.add_argument("--trained", type=Path, default=TRAINED, metavar="DIR", help=f"default {TRAINED}")
+    for each, trained in ((train, FOLDER.parent / "trained"), (measure, TRAINED)):
+        each.add_argument("--trained", type=Path, default=trained, metavar="DIR", help=f"default {trained}")
     for each in (data, anchors, measure):
         each.add_argument(
             "--workers", type=int, choices=range(1, 9), default=2, metavar="N", help="side by side; default 2"
@@ -116,13 +113,6 @@ def _measure(parsed: argparse.Namespace) -> int:
         workers=parsed.workers,
         report=_reporter(),
     )
-    return 0
-
-
-def _tables(parsed: argparse.Namespace) -> int:
-    command = "python -m benchmarks.prior tables"
-    write_json(RESULTS / "prior.json", {**run(), "machine": machine(), "commit": commit(), "command": command})
-    renew()
     return 0
 
 

@@ -25,7 +25,8 @@ from benchmarks.prior.measure import (
 from benchmarks.prior.sequences import Split
 from egophys_core.prior import load_codebook
 
-TRAINED = FOLDER.parent / "trained"
+TRAINED = Path(__file__).parent / "checkpoints"
+"""What was trained; training itself writes to out/prior/trained."""
 
 MODELS = (
     "static",

@@ -61,14 +61,14 @@ def run(parsed: argparse.Namespace) -> int:
 
 
 def _prior(parsed: argparse.Namespace) -> int:
-    """What `python -m benchmarks.prior tables` does: the benchmarks are no part of the installed package."""
+    """Run the benchmark of the checkout that this is a part of: it is no part of the installed package."""
     checkout = Path(__file__).resolve().parents[2]
     if parsed.bags:
         raise OptionsError("benchmark prior takes no bags: it measures its own set (docs/prior.md)")
     if not (checkout / "benchmarks/prior").is_dir():
         raise OptionsError("benchmark prior needs a checkout of the project, which has benchmarks/prior")
-    for step in ("data", "anchors", "measure", "tables"):
-        done = subprocess.run([sys.executable, "-m", "benchmarks.prior", step], cwd=checkout, check=False)
+    for step in ("prior data", "prior anchors", "prior measure", "run prior"):
+        done = subprocess.run([sys.executable, "-m", *f"benchmarks.{step}".split()], cwd=checkout, check=False)
         if done.returncode:
             return done.returncode
     return 0

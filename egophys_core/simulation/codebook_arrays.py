@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import warp as wp
 
-from egophys_core.lanes import Lanes, group_count, pack
+from egophys_core.lanes import Lanes, group_count, pack, unpack
 from egophys_core.lanes.state import ParameterArrays, StateArrays
 from egophys_core.simulation.attachments import Attachments
 from egophys_core.simulation.batch import BatchCodebook, RolloutBatch
@@ -13,6 +13,9 @@ from egophys_core.simulation.terms.codebook import CodebookArrays, predict_stiff
 from egophys_core.simulation.terms.codebook_network import OUTPUT_BLOCK, NetworkArrays
 from egophys_core.simulation.terms.springs import SpringArrays
 from egophys_core.twin.spring_features import STATIC
+
+SMALLEST_STIFFNESS = 1e-20
+"""N/m. Guards the division by the anchor of a spring that a rollout lacks, whose stiffness is 0, too."""
 
 
 class DeviceCodebook:
@@ -30,6 +33,17 @@ class DeviceCodebook:
     def set_anchors(self, springs: SpringArrays) -> None:
         """Write into `springs` the stiffness that offsets are added to."""
         wp.copy(springs.stiffness, self.arrays.anchors)
+
+    def largest_factors(self, springs: SpringArrays) -> np.ndarray:
+        """[K] by how much a spring of each rollout is stiffer than its anchor now, at most; 1 where none is.
+
+        Of a rollout that diverged it means nothing, and is 1.
+        """
+        stiffness, anchors = (
+            unpack(each.numpy(), self.batch.count) for each in (springs.stiffness, self.arrays.anchors)
+        )
+        largest = (stiffness / np.maximum(anchors, SMALLEST_STIFFNESS)).max(axis=1, initial=1.0)
+        return np.where(np.isfinite(largest), largest, 1.0)
 
     def set_stiffness(
         self,

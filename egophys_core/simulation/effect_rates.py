@@ -1,4 +1,4 @@
-"""What effects and a codebook ask of the substeps: by how much springs may stiffen, and the rates of what else acts."""
+"""What effects ask of the substeps: by how much they may stiffen springs, and the rates of what else they add."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ SPEED_MARGIN, SPEED_REACH = 1.2, 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Added:
-    """What effects and a codebook add in each of K rollouts."""
+    """What effects add in each of K rollouts."""
 
     factor: np.ndarray
     """[K] on the stiffness of springs, at least 1."""
@@ -43,8 +43,6 @@ class EffectRates:
             each.effect.spring_law.follows_strain for each in self.laws if each.effect.spring_law
         )
         """Whether bounds depend on the present strain or speed."""
-        self.stiffen = bool(self.laws) or batch.codebook is not None
-        """Whether springs may become stiffer than the batch says."""
 
     def at_rest(self) -> Added:
         """Bounds of an object that is not strained and does not move."""
@@ -56,9 +54,7 @@ class EffectRates:
         return self._bounds(STRAIN_MARGIN * strains + STRAIN_REACH, SPEED_MARGIN * speeds + SPEED_REACH)
 
     def _bounds(self, strains: np.ndarray, speeds: np.ndarray) -> Added:
-        factor, damping, learned = np.ones(self.batch.count), self.damping, self.batch.codebook
-        if learned is not None:
-            factor = np.where(learned.used, learned.codebook.largest_factor, 1.0)
+        factor, damping = np.ones(self.batch.count), self.damping
         for each in self.laws:
             law = each.effect.spring_law
             if law:

@@ -133,7 +133,8 @@ class Engine:
             SimulationError: a rollout would need more than `MOST_SUBSTEPS_PER_SECOND` substeps a second.
         """
         segment = self._segment(frame)
-        if self.effect_rates.follows:
+        self.set_stiffness(segment)
+        if self.effect_rates.follows or self.codebook is not None:
             segment = replace(segment, substeps=self._substeps(segment.durations, self._rates(segment)))
         self.segments.append(segment)
         if self.batch.nudging is not None:
@@ -142,7 +143,6 @@ class Engine:
             wp.launch(
                 settle_material_frames, self.groups, inputs=[self.nodes, self.state, self.rods], device=self.device
             )
-        self.set_stiffness(segment)
         frames = np.full(self.batch.count, frame)
         self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
         self._record_divergence(frame, segment)
@@ -231,7 +231,7 @@ class Engine:
         grips, columns = self.grips_of(updated)
         presses, press_columns = self.presses_of(updated)
         if self.codebook is not None:
-            # Rates are of the anchors; by how much springs may be stiffer is in `effect_rates`.
+            # Rates are of the anchors; by how much springs are stiffer is asked for anew in each frame.
             self.codebook.set_anchors(self.springs)
         of_springs = [
             largest_eigenvalues(self.springs, grips, self.parameters.masses, self.batch.count, damping=kind)
@@ -259,7 +259,7 @@ class Engine:
 
     def _spring_rates(self) -> np.ndarray:
         """[K] as `Segment.spring_rates`; the same in all segments."""
-        if not self.effect_rates.stiffen:
+        if not self.effect_rates.laws and self.codebook is None:
             return np.zeros(self.batch.count)
         if self.segments:
             return self.segments[-1].spring_rates
@@ -269,11 +269,13 @@ class Engine:
     def _rates(self, segment: Segment) -> list[tuple[float, float]]:
         """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, with what effects add in the coming frame.
 
-        The largest eigenvalue of a sum is at most the sum of the largest ones.
+        The largest eigenvalue of a sum is at most the sum of the largest ones, and that of springs which are at most so
+        much stiffer than their anchors at most so much larger.
         """
         added = self.effect_rates.at(*self._extremes()) if self.effect_rates.follows else self.effect_rates.at_rest()
         stiffness, damping = np.array(segment.rates).T
-        stiffness = stiffness + (added.factor - 1.0) * segment.spring_rates + added.stiffness
+        factor = added.factor * (1.0 if self.codebook is None else self.codebook.largest_factors(self.springs))
+        stiffness = stiffness + (factor - 1.0) * segment.spring_rates + added.stiffness
         return list(zip(stiffness.tolist(), (damping + added.damping).tolist(), strict=True))
 
     def _extremes(self) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,6 @@
 """Codebook: how a spring's stiffness follows its place in the graph and how it is deformed (paper, Sec. 3.3)."""
 
 from dataclasses import dataclass, fields
-from functools import cached_property
 
 import numpy as np
 
@@ -81,12 +80,6 @@ class Codebook:
     def size(self) -> int:
         """Prototypes of a bank, K."""
         return int(self.prototypes.shape[1])
-
-    @cached_property
-    def largest_factor(self) -> float:
-        """By how much a spring can become stiffer than its anchor: a mean of prototypes is at most the largest."""
-        most = float(self.prototypes.max()) if self.size else MOST_OFFSET
-        return float(np.exp(np.clip(most, 0.0, MOST_OFFSET)))
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name, in a fixed order."""

@@ -1,11 +1,13 @@
 """Checkpoints: what is written is read, and what is wrong is said."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
 from egophys_core.errors import OutputError, TwinError
-from egophys_core.prior import load_codebook, save_codebook
+from egophys_core.prior import default_codebook, load_codebook, save_codebook
 from tests.twin.codebooks import random_codebook
 
 
@@ -18,6 +20,12 @@ def checkpoint(tmp_path):
 
 def test_a_codebook_is_read_as_it_was_written(checkpoint):
     assert load_codebook(checkpoint).same_as(random_codebook())
+
+
+def test_the_default_is_what_the_benchmark_measures():
+    measured = Path(__file__).resolve().parents[2] / "benchmarks/prior/checkpoints/codebook_K=4.safetensors"
+    assert default_codebook().size == 4
+    assert default_codebook().same_as(load_codebook(measured))
 
 
 def test_a_cut_file_is_refused(checkpoint):

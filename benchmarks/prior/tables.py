@@ -56,7 +56,7 @@ def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, r
     return {
         "rows": everything.pop("all"),
         "sets": everything,
-        "held_out_sequences": len(held_out),
+        "held_out_sequences": len(read_rows(held_out, COARSE, rows)),
         **rollout_cost_ratio(judged, codebook),
     }
 

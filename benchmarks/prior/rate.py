@@ -23,19 +23,14 @@ PARTS = (1, 2, 5, 26)
 
 def rates(anchored: list[AnchoredItem], codebook: Codebook) -> list[dict[str, Any]]:
     """A row for each number of parts: CPU seconds, and mean distance of nodes from those of once a substep, mm."""
-    found = []
-    for parts in PARTS:
-        row: dict[str, Any] = {"asked_per_frame": parts}
-        for name in ("codebook", "uniform"):
-            seconds, apart = [], []
-            for each in anchored:
-                model = with_prior(each.model, codebook)[0] if name == "codebook" else each.model
-                positions, taken = _roll(each, model, parts)
-                finest, _ = _roll(each, model, PARTS[-1])
-                seconds.append(taken)
-                apart.append(1e3 * np.linalg.norm(positions - finest, axis=2).mean())
-            row[f"{name}_seconds"], row[f"{name}_apart_mm"] = float(np.mean(seconds)), float(np.mean(apart))
-        found.append(row)
+    found: list[dict[str, Any]] = [{"asked_per_frame": parts} for parts in PARTS]
+    for name in ("codebook", "uniform"):
+        models = [with_prior(each.model, codebook)[0] if name == "codebook" else each.model for each in anchored]
+        rolled = [[_roll(*pair, parts) for parts in PARTS] for pair in zip(anchored, models, strict=True)]
+        for index, row in enumerate(found):
+            apart = [np.linalg.norm(of_item[index][0] - of_item[-1][0], axis=2).mean() for of_item in rolled]
+            row[f"{name}_seconds"] = float(np.mean([of_item[index][1] for of_item in rolled]))
+            row[f"{name}_apart_mm"] = 1e3 * float(np.mean(apart))
     return found
 
 

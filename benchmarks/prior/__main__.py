@@ -18,6 +18,7 @@ from benchmarks.prior.items import Item, all_items
 from benchmarks.prior.measure import CODEBOOK, ROWS, measure_all, measure_baselines
 from benchmarks.prior.sequences import Split
 from benchmarks.prior.tables import MODELS, TRAINED
+from egophys_core.evaluation.baselines import BASELINES
 from egophys_core.files import write_json
 
 
@@ -102,7 +103,7 @@ def _measure(parsed: argparse.Namespace) -> int:
         "recorded": lambda each: each.group != "rehearsed",
     }
     items = [each for each in all_items(parsed.data) if each.split is Split.HELD_OUT and wanted[parsed.only](each)]
-    models = [each for each in parsed.models if each not in ("static", "rigid-follow")]
+    models = [each for each in parsed.models if each not in BASELINES]
     measure_baselines(items)
     measure_all(
         items,

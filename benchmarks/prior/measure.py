@@ -16,6 +16,7 @@ from benchmarks.prior.spring_gaus import fit_spring_gaus
 from benchmarks.side_by_side import side_by_side
 from egophys_core.errors import SimulationError
 from egophys_core.evaluation import Scores, baseline_scores, score
+from egophys_core.evaluation.baselines import BASELINES
 from egophys_core.files import write_json
 from egophys_core.identification.building import predict
 from egophys_core.identification.coarse import fit_coarse
@@ -161,7 +162,8 @@ def _keep(rows: Path, item: Item, anchored: AnchoredItem, name: str, model: Obje
 def keep_scores(rows: Path, item: Item, name: str, scores: Scores | None, seconds: float) -> None:
     """Write the row of a model, without errors if it diverged."""
     values = {} if scores is None else scores.as_dict()
-    finite = {short: values.get(key) for key, short in NAMES.items()}
+    told = {short: values.get(key, np.nan) for key, short in NAMES.items()}
+    finite = {short: value if np.isfinite(value) else None for short, value in told.items()}
     path = _path(rows, item, name)
     path.parent.mkdir(parents=True, exist_ok=True)
     row = {"item": item.name, "group": item.group, "paper": item.paper, "model": name, **finite, "seconds": seconds}
@@ -171,7 +173,7 @@ def keep_scores(rows: Path, item: Item, name: str, scores: Scores | None, second
 def measure_baselines(items: list[Item], rows: Path = ROWS) -> None:
     """Rows of predictions without physics."""
     for item in items:
-        if _path(rows, item, "rigid-follow").exists():
+        if all(_path(rows, item, name).exists() for name in BASELINES):
             continue
         observed = observe_episode(read_episode(item.path))
         for name, scores in baseline_scores(observed.episode, observed.contact).items():

@@ -23,14 +23,14 @@ from benchmarks.prior.measure import (
     rollout_cost_ratio,
 )
 from benchmarks.prior.sequences import Split
+from egophys_core.evaluation.baselines import BASELINES
 from egophys_core.prior import load_codebook
 
 TRAINED = Path(__file__).parent / "checkpoints"
 """What was trained; training itself writes to out/prior/trained."""
 
 MODELS = (
-    "static",
-    "rigid-follow",
+    *BASELINES,
     COARSE,
     *LEARNED,
     *(f"dense {steps} steps" for steps in DENSE_BUDGETS),
@@ -78,7 +78,7 @@ def table(items: list[Item], rows: Path) -> list[dict[str, Any]]:
         own = {key: _values(measured, key) for key in ERRORS}
         anchor = {key: _values([coarse[each["item"]] for each in measured], key) for key in ERRORS}
         for key in ERRORS:
-            row[key] = _mean(own[key])
+            row[key] = _mean(own[key]) if np.isfinite(own[key]).any() else None
         for key in ("test_cd_m", "test_te_m"):
             both = np.isfinite(own[key]) & np.isfinite(anchor[key])
             row[f"se_{key}"] = _standard_error(own[key])

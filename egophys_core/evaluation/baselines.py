@@ -14,22 +14,26 @@ LARGEST_LAG_S, LAG_STEP_S = 1.0, 0.1
 """Seconds: by how much hands and points may be recorded apart, and the steps of a first search."""
 
 
+BASELINES = ("last observed shape stays", "moves with nearest controller", "nearest controller at its best lag")
+"""Names of the predictions without physics."""
+
+
 def baseline_scores(episode: Episode, contact: np.ndarray) -> dict[str, Scores]:
     """Errors of the predictions, by name; train errors of the first are blank, as it copies those frames.
 
     Args:
         contact: [T, C], not 0 where a controller point holds or presses the object.
     """
-    predictions = {
-        "last observed shape stays": static_prediction(episode),
-        "moves with nearest controller": rigid_follow_prediction(episode, contact),
-        "nearest controller at its best lag": lagging_prediction(episode, contact),
-    }
+    predictions = (
+        static_prediction(episode),
+        rigid_follow_prediction(episode, contact),
+        lagging_prediction(episode, contact),
+    )
     scores = {}
-    for name, prediction in predictions.items():
+    for name, prediction in zip(BASELINES, predictions, strict=True):
         seen = np.isfinite(prediction[0]).all(axis=1)
         scores[name] = score(prediction, seen, episode)
-    copied = "last observed shape stays"
+    copied = BASELINES[0]
     blank = {name: float("nan") for name in scores[copied].as_dict() if not name.startswith("test_")}
     scores[copied] = replace(scores[copied], **blank)
     return scores

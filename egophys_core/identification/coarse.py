@@ -167,7 +167,7 @@ def _require_sight(problem: FitProblem, stride: int) -> None:
 
 
 def _require_same_loss(
-    problems: Sequence[FitProblem], models: "Candidates", stride: int, state: SearchState, checkpoint: Path
+    problems: Sequence[FitProblem], models: Candidates, stride: int, state: SearchState, checkpoint: Path
 ) -> None:
     """Check that the stored losses are those that this code and machine compute, on the best candidate."""
     best = state.best()

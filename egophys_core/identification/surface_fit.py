@@ -12,6 +12,7 @@ from egophys_core.identification.coarse import fit_coarse
 from egophys_core.identification.dense import fit_dense
 from egophys_core.identification.fit import Fit, Progress
 from egophys_core.identification.options import FitOptions, StiffnessOption
+from egophys_core.kinds.kind import RestShape
 from egophys_core.kinds.rest_shape import rest_shape
 from egophys_core.observation import FitProblem, ObservedEpisode, prepare
 from egophys_core.observation.grasp_radius import grasp_radius
@@ -48,14 +49,7 @@ def fit_surface(
             "points of a surface; templates are for records of a few markers: leave it out, or track fewer points"
         )
     codebook = _prior(options)
-    shape = rest_shape(
-        first.at_rest,
-        name=first.episode.name,
-        ground=first.episode.ground_height,
-        max_nodes=options.max_nodes,
-        kind=options.named_kind,
-    )
-    shape = replace(shape, grasp_radius=grasp_radius(observed), lies=not first.hangs)
+    shape = shape_to_search(observed, options)
     recorded = [prepare(each, shape.positions, shape.surface, spacing=shape.spacing) for each in observed]
     late = late_points(observed)
     problems = [replace(each, controls=as_they_were(each.controls, late)) for each in recorded]
@@ -86,6 +80,23 @@ def fit_surface(
         loss=coarse.loss,
         settings={**options.settings(at_markers=False), **assumed(observed, late, (*coarse.at_bounds, *unlike))},
     )
+
+
+def shape_to_search(observed: Sequence[ObservedEpisode], options: FitOptions) -> RestShape:
+    """The object at rest as the first of some episodes shows it, held as wide as in all of them.
+
+    Raises:
+        EpisodeError: it cannot be made of what is seen.
+    """
+    first = observed[0]
+    shape = rest_shape(
+        first.at_rest,
+        name=first.episode.name,
+        ground=first.episode.ground_height,
+        max_nodes=options.max_nodes,
+        kind=options.named_kind,
+    )
+    return replace(shape, grasp_radius=grasp_radius(observed), lies=not first.hangs)
 
 
 def _prior(options: FitOptions) -> Codebook | None:

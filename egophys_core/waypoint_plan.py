@@ -13,6 +13,15 @@ NANOSECONDS = 1_000_000_000
 UNIT_QUATERNION_TOLERANCE = 1e-3
 """How far a waypoint quaternion's length may be from 1; float32 messages pass, wrong orders do not."""
 
+POINTING_DOWN = np.array([1.0, 0.0, 0.0, 0.0])
+"""Quaternion x y z w of a tool whose z axis points at the table: half a turn about world x."""
+
+OPEN = 0.08
+"""Metres between the fingers of an open gripper."""
+
+CLOSED_BELOW = 0.02
+"""Metres; a gripper less open than this holds."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class WaypointPlan:

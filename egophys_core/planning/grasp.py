@@ -8,16 +8,7 @@ from scipy.spatial.transform import Rotation
 from egophys_core.errors import PlanningError
 from egophys_core.interpolation import PosesOverTime
 from egophys_core.simulation import ContactKind, Controls
-from egophys_core.waypoint_plan import UNIT_QUATERNION_TOLERANCE, WaypointPlan
-
-POINTING_DOWN = np.array([1.0, 0.0, 0.0, 0.0])
-"""Quaternion x y z w of a tool whose z axis points at the table: half a turn about world x."""
-
-OPEN = 0.08
-"""Metres between the fingers of an open gripper."""
-
-CLOSED_BELOW = 0.02
-"""Metres; a gripper less open than this holds."""
+from egophys_core.waypoint_plan import CLOSED_BELOW, POINTING_DOWN, UNIT_QUATERNION_TOLERANCE, WaypointPlan
 
 FRAME_DURATION = 1.0 / 30.0
 """Seconds between simulated frames of a plan."""

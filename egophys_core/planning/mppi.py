@@ -11,9 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.errors import PlanningError
-from egophys_core.planning.grasp import OPEN, POINTING_DOWN, Grasp
+from egophys_core.planning.grasp import Grasp
 from egophys_core.planning.options import PlanOptions
-from egophys_core.waypoint_plan import WaypointPlan
+from egophys_core.waypoint_plan import OPEN, POINTING_DOWN, WaypointPlan
 
 ForwardModel = Callable[[Sequence[WaypointPlan]], np.ndarray]
 """Costs [K] in metres of K plans; infinity for a plan that cannot be simulated."""

@@ -5,9 +5,8 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.identification import FitOptions, build
 from egophys_core.planning import Grasp
-from egophys_core.planning.grasp import POINTING_DOWN
 from egophys_core.twin import Twin
-from egophys_core.waypoint_plan import WaypointPlan
+from egophys_core.waypoint_plan import POINTING_DOWN, WaypointPlan
 
 NAME = "cloth"
 SEED = 5

@@ -92,12 +92,13 @@ def run(parsed: argparse.Namespace) -> int:
 
 def _print_summary(diagnosis: "Diagnosis") -> None:
     from egophys_core.diagnosis.saving import effect_texts
-    from egophys_core.reporting import headline
+    from egophys_core.reporting import headline, limits_in_words
 
     content = diagnosis.as_dict()
     print(f"{diagnosis.outcome}: {headline(content, effect_texts())}")
     print(f"why: {diagnosis.reason}")
     _print_decision(content["decisions"][-1])
+    print(f"could have been named: {limits_in_words(content['limits'])}")
     if diagnosis.experiment:
         print(f"next: {diagnosis.experiment}")
     for effect in content["effects"]:

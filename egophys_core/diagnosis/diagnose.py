@@ -9,14 +9,24 @@ from typing import TypeVar
 import numpy as np
 
 from egophys_core import __version__
-from egophys_core.diagnosis.diagnosis import Candidate, Diagnosis, Evidence, NamedEffect, PredictionErrors
-from egophys_core.diagnosis.direct.measure import MeasuredEffect, measure
+from egophys_core.diagnosis.diagnosis import (
+    Candidate,
+    DetectionLimit,
+    Diagnosis,
+    Evidence,
+    NamedEffect,
+    PredictionErrors,
+)
+from egophys_core.diagnosis.direct.measure import MeasuredEffect, measure, measured_limits
 from egophys_core.diagnosis.evidence.baseline_twin import baseline_beside, fit_baseline, follows
 from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_error, free_errors
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
+from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
+from egophys_core.diagnosis.evidence.refit import Fitted
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe, track_offsets
 from egophys_core.diagnosis.evidence.where import where
+from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
@@ -161,6 +171,7 @@ def _diagnose_observed(
         episode_error(each, *pair, fitted=index < len(observations))
         for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
     )
+    by_measurement = measured_limits(observations, measured, lies_flat=kind_of(model).lies_flat, thresholds=thresholds)
     improved = _new_version(twin, found.fitted.model, [each.episode for each in observations], options, seed)
     diagnosis = Diagnosis(
         outcome=found.outcome,
@@ -170,6 +181,7 @@ def _diagnose_observed(
         ),
         candidates=_candidates(first, measured),
         decisions=found.decisions,
+        limits=(*_limits(problem, first, found.fitted), *by_measurement),
         experiment=found.experiment,
         where=where(observations, offsets, first.law.formula),
         error=error,
@@ -268,6 +280,23 @@ def _beaten(errors: Sequence[PredictionErrors]) -> str:
     return (
         f"; the improved twin predicts worse than points that move with the nearest hand in {listed}: do not plan such "
         "motions with it, but build it from one of these, too"
+    )
+
+
+def _limits(problem: DiagnosisProblem, first: Search, fitted: Fitted) -> tuple[DetectionLimit, ...]:
+    """What the fitted episodes could have shown beside all that was found; nothing of one, which can name nothing.
+
+    Args:
+        first: the search that probed the effects.
+        fitted: how it ended; its first parameters are those of the baseline.
+    """
+    count, own = len(problem.observations), len(first.before.parameters)
+    if count < 2:
+        return ()
+    return detection_limits(
+        linear_problem(fitted.residuals, [each[..., :own] for each in fitted.jacobian], fitted.scale),
+        first.probes,
+        needed_gain=problem.thresholds.gain_alone(fitted=count, validated=bool(problem.validation)),
     )
 
 

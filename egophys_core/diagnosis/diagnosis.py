@@ -104,6 +104,22 @@ class Decision:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DetectionLimit:
+    """How small a size of an effect some recordings can show."""
+
+    effect: str
+    parameter: str
+    """The size: one of the effect's parameters."""
+    unit: str
+    null: float
+    """Where the effect vanishes."""
+    size: float | None
+    """How far off that it must be, in the parameter's unit, to be named; None where none within bounds is."""
+    alike: tuple[str, ...]
+    """Effects that these recordings cannot tell from it."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class PredictionErrors:
     """Errors of a free rollout on one episode: the refit without, and with the effect; metres."""
 
@@ -162,6 +178,8 @@ class Diagnosis:
     """By falling held-out gain."""
     decisions: tuple[Decision, ...]
     """Of each search, in order: the first beside what was measured directly, a second one beside what that named."""
+    limits: tuple[DetectionLimit, ...]
+    """What the fitted recordings could have shown, of every size of every effect that was searched for."""
     experiment: str | None
     where: Where
     error: tuple[PredictionErrors, ...]

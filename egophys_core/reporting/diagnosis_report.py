@@ -20,6 +20,7 @@ from egophys_core.reporting.diagnosis_words import (
 from egophys_core.reporting.error_figure import draw_errors
 from egophys_core.reporting.evidence_sections import evidence_for_each, where_it_lives
 from egophys_core.reporting.html_page import Picture, Table, coloured, render
+from egophys_core.reporting.limits_section import limits_table
 from egophys_core.reporting.marks import AFTER, BEFORE, interval
 from egophys_core.reporting.why_section import why_this_outcome
 
@@ -69,6 +70,7 @@ def diagnosis_html(
         errors=_errors(content["error"], times, before, after),
         why=why_this_outcome(content),
         evidence=evidence_for_each(content, mismatch_gain),
+        limits=limits_table(content["limits"]),
         where=where_it_lives(content["where"], rest, field),
         seconds=figures(content["seconds"]),
     )

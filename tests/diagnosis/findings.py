@@ -8,6 +8,7 @@ from egophys_core.diagnosis.criterion import Direction, compare, not_asked
 from egophys_core.diagnosis.diagnosis import (
     Candidate,
     Decision,
+    DetectionLimit,
     Diagnosis,
     Estimate,
     Evidence,
@@ -86,6 +87,17 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
             ),
         ),
         "decisions": (make_decision(),),
+        "limits": (
+            DetectionLimit(
+                effect="quadratic_drag",
+                parameter="coefficient",
+                unit="1/m",
+                null=0.0,
+                size=2.25,
+                alike=("gravity_scale",),
+            ),
+            DetectionLimit(effect="control_delay", parameter="delay", unit="s", null=0.0, size=None, alike=()),
+        ),
         "experiment": None,
         "where": Where(
             size_m=0.0062,

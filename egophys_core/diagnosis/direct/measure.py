@@ -7,14 +7,16 @@ its material relaxes. The twin, which is never right, has no part in it.
 
 from collections.abc import Collection, Sequence
 
+from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.diagnosis.direct.grip_effects import grip_effects
+from egophys_core.diagnosis.direct.grip_limits import grip_limits
 from egophys_core.diagnosis.direct.measured import Estimator, MeasuredEffect, Recordings
 from egophys_core.diagnosis.direct.plumb_line import plumb_line_effects
 from egophys_core.diagnosis.direct.ring_down_effects import ring_down_effects
 from egophys_core.diagnosis.direct.table_level import table_level_effects
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
-from egophys_core.effects import LIBRARY
+from egophys_core.effects import LIBRARY, effect_named
 from egophys_core.effects.traits import Measurement
 
 ESTIMATORS: dict[Measurement, Estimator] = {
@@ -24,6 +26,29 @@ ESTIMATORS: dict[Measurement, Estimator] = {
     Measurement.RING_DOWN: ring_down_effects,
 }
 """How each kind of measurement is made, of whatever effects say that they are measured by it."""
+
+
+def measured_limits(
+    observations: Sequence[TrackedEpisode],
+    measured: Sequence[MeasuredEffect],
+    *,
+    lies_flat: bool,
+    thresholds: Thresholds,
+) -> list[DetectionLimit]:
+    """How large the effects must be that grips tell, beside those that show.
+
+    Args:
+        observations: what was measured.
+        measured: what was found there.
+        lies_flat: whether the object lies flat when it lies.
+        thresholds: what an effect must reach.
+    """
+    recordings = Recordings(
+        fitted=observations, validation=(), lies_flat=lies_flat, resamples=0, seed=0, thresholds=thresholds
+    )
+    by_grips = [each for each in measured if effect_named(each.name).traits.measured_by is Measurement.GRIPS]
+    known = {each.name: each.values for each in by_grips if each.shows}
+    return grip_limits([each.name for each in by_grips], known, recordings) if by_grips else []
 
 
 def measure(

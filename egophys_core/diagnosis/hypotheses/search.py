@@ -39,6 +39,8 @@ class Search:
     """What one search found."""
 
     before: Fitted
+    probes: Sequence[Probe]
+    """What the effects do to the residuals, at all their starts."""
     ranking: Ranking
     refitted: list[RefittedEffect]
     law: Law
@@ -225,4 +227,12 @@ def _on_scale(
         order = sorted(ranked.keys() - verdict.criteria.keys(), key=lambda name: -promise.gains[name])
         misses = [miss for name in order if (miss := nearest_miss(name, ranked[name]))]
         verdict = replace(verdict, decision=verdict.decision.with_further_misses(misses))
-    return Search(before=before, ranking=ranking, refitted=refitted, law=law, verdict=verdict, criteria=criteria)
+    return Search(
+        before=before,
+        probes=survey.probes,
+        ranking=ranking,
+        refitted=refitted,
+        law=law,
+        verdict=verdict,
+        criteria=criteria,
+    )

@@ -5,15 +5,33 @@ import json
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from egophys_core.cli.display import print_json, progress_bar
 from egophys_core.errors import OptionsError, OutputError
 from egophys_core.options import from_mapping, to_mapping
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
 
+if TYPE_CHECKING:
+    from egophys_core.episode import Episode
+
 NUMBERS = ("duration_s", "rate_hz", "points", "noise_m", "dropout", "spread")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Handling:
+    """One episode to be made."""
+
+    folder: str
+    """Within the folder that is made: its name, by which a diagnosis tells it from others."""
+    about: dict[str, Any]
+    """What `truth.json` says of it."""
+    record: "Callable[..., Episode]"
+    """Makes it; its argument `report` is told the share done."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +47,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=["lift", "double_pull", "double_lift", "pull"],
         metavar="MOTION",
         help=f"an episode each, of {', '.join(Motion)}; default lift double_pull double_lift pull",
+    )
+    parser.add_argument(
+        "--plan",
+        nargs="+",
+        default=[],
+        type=Path,
+        metavar="PLAN",
+        help="one episode, in which hands do as plan files say, a file a hand, as `egophys experiment` writes them; in "
+        "place of --motions and --duration-s",
     )
     parser.add_argument(
         "--effect",
@@ -63,30 +90,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Rehearse and write."""
     from egophys_core.recording import write_episode
-    from egophys_core.rehearsal import rehearse as rehearse_episode
 
     options = from_mapping(
         RehearsalOptions, {name: getattr(parsed, name) for name in ("object", "occlusion", *NUMBERS)}
     )
     effects = _effects(parsed)
     _require_new(parsed.out)
-    truth = _truth(parsed, options, effects)
+    handlings = _handlings(parsed, options, effects)
+    truth = _truth(parsed, options, effects, [{"folder": each.folder, **each.about} for each in handlings])
     # All episodes or none: they are made in a hidden folder beside the final one, which is then renamed.
     making = Path(tempfile.mkdtemp(dir=parsed.out.parent, prefix=f".{parsed.out.name}.", suffix=".part"))
     try:
         with progress_bar() as report:
-            for number, motion in enumerate(parsed.motions):
-                episode = rehearse_episode(
-                    options,
-                    Motion(motion),
-                    seed=parsed.seed + number,
-                    effects=effects,
-                    object_seed=parsed.object_seed,
-                    report=lambda share, motion=motion, number=number: report(  # type: ignore[misc]
-                        "rehearse", (number + share) / len(parsed.motions), motion
-                    ),
+            for number, each in enumerate(handlings):
+                episode = each.record(
+                    report=lambda share, each=each, number=number: report(
+                        "rehearse", (number + share) / len(handlings), each.about["motion"]
+                    )
                 )
-                write_episode(episode, making / f"episode_{number}")
+                write_episode(episode, making / each.folder)
         (making / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
         making.chmod(0o755)
         os.rename(making, parsed.out)
@@ -98,10 +120,40 @@ def run(parsed: argparse.Namespace) -> int:
         print_json({"folder": str(parsed.out), **truth})
     else:
         print(
-            f"{len(parsed.motions)} episodes of a {options.object} with {', '.join(effects) or 'no effect'} "
-            f"written to {parsed.out}"
+            f"{len(handlings)} episode{'s' * (len(handlings) != 1)} of a {options.object} with "
+            f"{', '.join(effects) or 'no effect'} written to {parsed.out}"
         )
     return 0
+
+
+def _handlings(
+    parsed: argparse.Namespace, options: RehearsalOptions, effects: dict[str, dict[str, float]]
+) -> list[Handling]:
+    """The episodes that are asked for: one of plans, or one a motion."""
+    from egophys_core.plan_file import read_plan
+    from egophys_core.rehearsal import rehearse as rehearse_episode
+    from egophys_core.rehearsal import rehearse_plans
+
+    world: dict[str, Any] = {"effects": effects, "object_seed": parsed.object_seed}
+    if parsed.plan:
+        plans = [read_plan(path).plan for path in parsed.plan]
+        name = f"{options.object}_plan_{parsed.seed}"
+        return [
+            Handling(
+                # Several experiments go into one diagnosis.
+                folder=parsed.out.name,
+                about={"motion": "plan", "plans": [path.name for path in parsed.plan], "seed": parsed.seed},
+                record=partial(rehearse_plans, options, plans, name=name, seed=parsed.seed, **world),
+            )
+        ]
+    return [
+        Handling(
+            folder=f"episode_{number}",
+            about={"motion": motion, "seed": parsed.seed + number},
+            record=partial(rehearse_episode, options, Motion(motion), seed=parsed.seed + number, **world),
+        )
+        for number, motion in enumerate(parsed.motions)
+    ]
 
 
 def _effects(parsed: argparse.Namespace) -> dict[str, dict[str, float]]:
@@ -136,7 +188,10 @@ def _require_new(folder: Path) -> None:
 
 
 def _truth(
-    parsed: argparse.Namespace, options: RehearsalOptions, effects: dict[str, dict[str, float]]
+    parsed: argparse.Namespace,
+    options: RehearsalOptions,
+    effects: dict[str, dict[str, float]],
+    episodes: list[dict[str, Any]],
 ) -> dict[str, Any]:
     """What is in the episodes, for whoever judges a diagnosis of them."""
     from egophys_core.rehearsal import INJECTABLE
@@ -154,9 +209,6 @@ def _truth(
             }
             for name, values in effects.items()
         ],
-        "episodes": [
-            {"folder": f"episode_{number}", "motion": motion, "seed": parsed.seed + number}
-            for number, motion in enumerate(parsed.motions)
-        ],
+        "episodes": episodes,
         "options": to_mapping(options),
     }

@@ -8,7 +8,7 @@ from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOpt
 if TYPE_CHECKING:
     from egophys_core.rehearsal.injection import INJECTABLE, InjectableEffect, complete_effects, injected_sizes
     from egophys_core.rehearsal.live import RehearsalWorld
-    from egophys_core.rehearsal.world import rehearse, rehearse_body
+    from egophys_core.rehearsal.world import rehearse, rehearse_body, rehearse_plans
 
 __all__ = [
     "INJECTABLE",
@@ -21,6 +21,7 @@ __all__ = [
     "injected_sizes",
     "rehearse",
     "rehearse_body",
+    "rehearse_plans",
 ]
 
 __getattr__ = names_on_demand(__name__, "injection", "live", "world")

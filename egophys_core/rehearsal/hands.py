@@ -1,13 +1,15 @@
 """Scripted hands: where they go, and the points that a hand tracker sees of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from egophys_core.errors import PlanningError
 from egophys_core.rehearsal.bodies import SoftBody
 from egophys_core.rehearsal.engine import HAND_RADIUS
 from egophys_core.rehearsal.options import Motion
+from egophys_core.waypoint_plan import CLOSED_BELOW, WaypointPlan
 
 CONTACT_BEGINS = 1.05
 """Seconds: the hands have arrived, grips close."""
@@ -29,19 +31,24 @@ class Script:
     times: np.ndarray
     """[W] seconds, increasing."""
     centres: np.ndarray
-    """[W, H, 3] metres, where the hands are at those times; they stop at each."""
-    grips: bool
-    """Whether the hands hold what they reach, or press against it."""
+    """[W, H, 3] metres, where the hands are at those times."""
+    closes: float
+    """Seconds at which the hands take hold of what they reach; infinite for hands that press."""
+    opens: float = np.inf
+    """Seconds at which they let go."""
+    smooth: bool = True
+    """Whether they stop at each of those places, or go through."""
 
     def at(self, time: float) -> np.ndarray:
-        """Centres of the hands [H, 3]: between two stops along a straight line with a smooth speed."""
+        """Centres of the hands [H, 3]: along straight lines, between stops with a smooth speed."""
         after = int(np.searchsorted(self.times, time, side="right"))
         if after in (0, len(self.times)):
             return self.centres[max(after - 1, 0)]
         begin, end = self.times[after - 1 : after + 1]
         share = (time - begin) / (end - begin)
         # Minimum jerk: no acceleration at either end (Flash and Hogan 1985).
-        share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+        if self.smooth:
+            share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
         return self.centres[after - 1] + share * (self.centres[after] - self.centres[after - 1])
 
 
@@ -54,7 +61,37 @@ def write_script(motion: Motion, body: SoftBody, vertices: np.ndarray, random: n
         time += duration * random.uniform(0.9, 1.1)
         moves.append((time, np.asarray(offset, float)))
     times, offsets = (np.array(each) for each in zip(*moves, strict=True))
-    return Script(times=times, centres=places + offsets[:, None], grips=motion is not Motion.PUSH)
+    return Script(
+        times=times, centres=places + offsets[:, None], closes=np.inf if motion is Motion.PUSH else CONTACT_BEGINS
+    )
+
+
+def script_of_plans(plans: Sequence[WaypointPlan]) -> Script:
+    """The hands as plans have them, one a hand, in the world in which the object was when its twin was built.
+
+    Raises:
+        PlanningError: the plans do not have the same times, or their grippers do not close together, once, and open
+            together at most once.
+    """
+    first = plans[0]
+    for plan in plans[1:]:
+        if not (np.array_equal(plan.times, first.times) and np.array_equal(_closed(plan), _closed(first))):
+            raise PlanningError(
+                "the plans of two hands must have the same times and close together; take those of one experiment"
+            )
+    changes = np.flatnonzero(np.diff(_closed(first).astype(int), prepend=0))
+    if len(changes) not in (1, 2) or not (np.diff(first.times) > 0.0).all():
+        raise PlanningError(
+            "the gripper must close once and open once at most, at times that increase; it closes or opens "
+            f"{len(changes)} times"
+        )
+    closes, opens = [*first.times[changes], np.inf][:2]
+    centres = np.stack([plan.positions for plan in plans], axis=1)
+    return Script(times=first.times, centres=centres, closes=float(closes), opens=float(opens), smooth=False)
+
+
+def _closed(plan: WaypointPlan) -> np.ndarray:
+    return np.asarray(plan.gripper_opening < CLOSED_BELOW)
 
 
 def hand_cloud(hands: int, random: np.random.Generator) -> np.ndarray:

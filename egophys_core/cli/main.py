@@ -29,6 +29,7 @@ SUBCOMMANDS = {
     "execute": "Execute a plan file on an arm, or on the emulator, without ROS.",
     "replay": "Feed a log's inputs to the same code and compare the outputs; exit code 1 if one differs.",
     "diagnose": "Say what a twin lacks to predict recorded episodes, with the evidence, and write a better twin.",
+    "experiment": "Say which motion would show what recordings so far could not, with a plan for each hand.",
     "rehearse": "Record episodes of a soft object in a physics engine that is not the twin's, with injected effects.",
     "info": "What is in a twin file or a bag.",
     "benchmark": "Errors of perception on bags that hold a video and what was measured meanwhile.",

@@ -2,13 +2,16 @@
 
 import argparse
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from egophys_core import rehearsal
 from egophys_core.cli import rehearse as command
-from egophys_core.errors import OptionsError, OutputError, SimulationError
+from egophys_core.errors import OptionsError, OutputError, PlanningError, SimulationError
+from egophys_core.experiments.hand_path import PathWriter, plan_of_path
+from egophys_core.plan_file import PlanFile, read_plan, write_plan
 from egophys_core.recording import read_episode
 
 SHORT = ("--duration-s", "0.2", "--points", "30")
@@ -38,7 +41,7 @@ def test_an_episode_a_motion_and_the_truth(tmp_path, capsys):
 def test_no_effect_is_the_default(tmp_path, capsys):
     assert run("--out", tmp_path / "none", "--motions", "lift", *SHORT) == 0
     assert json.loads((tmp_path / "none/truth.json").read_text())["effects"] == []
-    assert "1 episodes of a sheet with no effect written to" in capsys.readouterr().out
+    assert "1 episode of a sheet with no effect written to" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -57,6 +60,39 @@ def test_bad_requests_write_nothing(tmp_path, arguments, message):
         run("--out", tmp_path / "x", *arguments)
     assert message in str(raised.value)
     assert not list(tmp_path.iterdir())
+
+
+def write_hand(path, *, holds=True, x=0.0):
+    """The plan of a hand that takes what lies at the edge of the table's middle and lifts it a little."""
+    writer = PathWriter(np.array([x, -0.08, 0.01]))
+    writer.move([0.0, 0.0, 0.05], peak_speed=0.5)
+    found = writer.path()
+    plan = plan_of_path(replace(found, holds=found.holds & holds), "")
+    write_plan(path, PlanFile(plan=plan, stamp_ns=1, tolerance=float("nan")))
+    return path
+
+
+def test_hands_do_as_plans_say(tmp_path, capsys):
+    plans = [write_hand(tmp_path / f"hand_{number}.json", x=x) for number, x in enumerate((-0.08, 0.08))]
+    assert run("--out", tmp_path / "x", "--plan", *plans, "--points", 30) == 0
+    assert "1 episode of a sheet" in capsys.readouterr().out
+    about = json.loads((tmp_path / "x/truth.json").read_text())["episodes"]
+    assert about == [{"folder": "x", "motion": "plan", "plans": ["hand_0.json", "hand_1.json"], "seed": 0}]
+    episode = read_episode(tmp_path / "x/x")
+    duration = read_plan(plans[0]).plan.times[-1]
+    assert episode.times[-1] == pytest.approx(duration, abs=0.1)
+    heights = episode.controllers[:, :, 2].mean(axis=1)
+    assert heights[-1] == pytest.approx(0.06, abs=0.005)
+    assert np.nanmax(episode.points[-1, :, 2]) > np.nanmax(episode.points[0, :, 2]) + 0.03
+
+
+def test_plans_that_do_not_fit_together_are_refused(tmp_path):
+    never = write_hand(tmp_path / "never.json", holds=False)
+    with pytest.raises(PlanningError, match="must close once"):
+        run("--out", tmp_path / "x", "--plan", never, *SHORT)
+    with pytest.raises(PlanningError, match="must have the same times and close together"):
+        run("--out", tmp_path / "x", "--plan", never, write_hand(tmp_path / "closes.json"), *SHORT)
+    assert not (tmp_path / "x").exists()
 
 
 def test_what_is_there_is_not_overwritten(tmp_path):

@@ -1,0 +1,265 @@
+"""The family of motions an experiment is chosen from, within what a person or an arm can do."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.experiments.hand_path import PathWriter, ToolPath
+from egophys_core.experiments.places import axes_at_rest, extents, places_to_hold
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel
+
+LONGEST_S = 12.0
+"""Seconds of a motion, at most; about two of them pass before hands move."""
+
+CLEARANCE_M = 0.04
+"""Metres above the table at which the lowest part of what hangs stays."""
+
+FREQUENCIES_HZ = (0.8, 1.5, 2.2)
+"""At which it is swung."""
+
+SWUNG_S = 2.5
+"""Seconds for which it is swung, about."""
+
+WIDEST_SWING_M = 0.1
+"""Metres to either side."""
+
+LEAST_SWING_M = 0.01
+"""Metres: a smaller swing, for want of speed, shows nothing."""
+
+GENTLE = 0.6
+"""Of the fastest that is allowed: how fast hands lift and carry."""
+
+SLOW_M_S = 0.04
+"""At which it is dragged slowly."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandLimits:
+    """What hands can do."""
+
+    hands: int
+    """1 or 2."""
+    fastest_m_s: float
+    highest_m: float
+    """Of a hand above the table."""
+
+
+PERSON = HandLimits(hands=2, fastest_m_s=1.2, highest_m=0.6)
+"""A person at a table."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandMotion:
+    """One motion of the family."""
+
+    name: str
+    """What is done, and how: unique in a family."""
+    sentence: str
+    """For a person who does it."""
+    paths: tuple[ToolPath, ...]
+    """Of each hand; of equal times."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return float(self.paths[0].times[-1])
+
+
+Write = Callable[[PathWriter, float], None]
+"""Writes the path of one hand, of which sign (1 or -1) along the object."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableTop:
+    """An object at rest, and how far hands may go with it."""
+
+    places: np.ndarray
+    """[H, 3] metres, where hands take hold."""
+    axes: np.ndarray
+    """[2, 3] along and across."""
+    size: np.ndarray
+    """[3] metres, extents along, across, upwards."""
+    lies_flat: bool
+    limits: HandLimits
+
+    @property
+    def how(self) -> str:
+        """Where it is held, in words."""
+        if self.lies_flat:
+            return "its two corners of a long side" if len(self.places) == 2 else "one corner"
+        return "both ends from above" if len(self.places) == 2 else "one end from above"
+
+    @property
+    def hanging(self) -> np.ndarray:
+        """[3] metres by which hands rise until the object hangs free, or as far as they may."""
+        along, across, up = self.size
+        below = up / 2.0 if not self.lies_flat else across if len(self.places) == 2 else np.hypot(along, across)
+        highest = self.limits.highest_m - self.places[:, 2].max()
+        return np.array([0.0, 0.0, min(below + CLEARANCE_M, highest)])
+
+
+def motions_for(model: ObjectModel, limits: HandLimits, *, ground_height: float) -> list[HandMotion]:
+    """The motions that can be done with an object, with one hand and, where there are two, with both.
+
+    Raises:
+        PlanningError: it is of a kind that does not lie on a table.
+    """
+    found: list[HandMotion] = []
+    for hands in range(1, limits.hands + 1):
+        places = places_to_hold(model, hands)
+        above = HandLimits(hands=hands, fastest_m_s=limits.fastest_m_s, highest_m=limits.highest_m + ground_height)
+        top = TableTop(
+            places=places,
+            axes=axes_at_rest(model),
+            size=extents(model),
+            lies_flat=kind_of(model).lies_flat,
+            limits=above,
+        )
+        found += [motion for family in FAMILY for motion in family(top) if motion.duration <= LONGEST_S]
+    return found
+
+
+def _motion(top: TableTop, name: str, sentence: str, write: Write) -> HandMotion:
+    """The motion in which every hand goes as written."""
+    signs = (1.0, -1.0)[: len(top.places)]
+    paths = []
+    for place, sign in zip(top.places, signs, strict=True):
+        writer = PathWriter(place)
+        write(writer, sign)
+        paths.append(writer.path())
+    hands = "two hands" if len(paths) == 2 else "one hand"
+    return HandMotion(name=f"{name}, {hands}", sentence=f"hold {top.how}; {sentence}", paths=tuple(paths))
+
+
+def _centimetres(metres: float) -> str:
+    return f"{100 * metres:.0f} cm"
+
+
+def hang_and_swing(top: TableTop) -> Iterator[HandMotion]:
+    """Hang still, swing to and fro, hang still."""
+    fastest, up = top.limits.fastest_m_s, top.hanging
+    # Out of the plane in which a sheet hangs.
+    aside = top.axes[1]
+    for frequency in FREQUENCIES_HZ:
+        amplitude = min(WIDEST_SWING_M, 0.9 * fastest / (2.0 * np.pi * frequency))
+        cycles = max(3, round(SWUNG_S * frequency))
+        if amplitude < LEAST_SWING_M:
+            continue
+
+        def write(
+            hand: PathWriter, _: float, amplitude: float = amplitude, frequency: float = frequency, cycles: int = cycles
+        ) -> None:
+            hand.move(up, peak_speed=GENTLE * fastest)
+            hand.wait(1.5)
+            hand.swing(aside, amplitude=amplitude, frequency=frequency, cycles=cycles)
+            hand.wait(1.5)
+
+        yield _motion(
+            top,
+            f"hang and swing at {frequency:g} Hz",
+            f"lift it by {_centimetres(up[2])}, let it hang still for 1.5 s, swing it {_centimetres(2 * amplitude)} to "
+            f"and fro across its long side, {cycles} times, {frequency:g} a second, and let it hang still for 1.5 s",
+            write,
+        )
+
+
+def hang_still(top: TableTop) -> Iterator[HandMotion]:
+    """Lift and wait."""
+    fastest, up = top.limits.fastest_m_s, top.hanging
+
+    def write(hand: PathWriter, _: float) -> None:
+        hand.move(up, peak_speed=GENTLE * fastest)
+        hand.wait(5.0)
+
+    yield _motion(top, "hang still", f"lift it by {_centimetres(up[2])} and let it hang still for 5 s", write)
+
+
+def drag(top: TableTop) -> Iterator[HandMotion]:
+    """Drag over the table and back, slowly and as fast as is allowed."""
+    lift = np.array([0.0, 0.0, 0.012 if top.lies_flat else 0.0])
+    towards = top.axes[1] if len(top.places) == 2 else top.axes[0]
+    fastest = top.limits.fastest_m_s
+    for speed, how, length in ((SLOW_M_S, "slowly", 0.07), (min(0.4, fastest), "fast", 0.15)):
+
+        def write(hand: PathWriter, _: float, speed: float = speed, length: float = length) -> None:
+            hand.move(lift, peak_speed=fastest / 2.0)
+            for _ in range(2 if length > 0.1 else 1):
+                hand.move(lift - length * towards, peak_speed=speed)
+                hand.wait(0.3)
+                hand.move(lift, peak_speed=speed)
+                hand.wait(0.3)
+
+        yield _motion(
+            top,
+            f"drag {how}",
+            f"drag it {_centimetres(length)} over the table and back, {how} ({_centimetres(speed)}/s at most)",
+            write,
+        )
+
+
+def drop(top: TableTop) -> Iterator[HandMotion]:
+    """Lift, hold and let go."""
+    fastest, up = top.limits.fastest_m_s, top.hanging
+
+    def write(hand: PathWriter, _: float) -> None:
+        hand.move(up, peak_speed=GENTLE * fastest)
+        hand.wait(1.5)
+        hand.let_go()
+        hand.wait(1.5)
+
+    yield _motion(top, "lift and drop", f"lift it by {_centimetres(up[2])}, hold it for 1.5 s and let go of it", write)
+
+
+def stretch_and_wait(top: TableTop) -> Iterator[HandMotion]:
+    """Pull the hands apart, wait, and come back."""
+    if len(top.places) < 2:
+        return
+    apart, fastest = 0.03 * top.size[0], top.limits.fastest_m_s
+    lift = np.array([0.0, 0.0, 0.03])
+
+    def write(hand: PathWriter, sign: float) -> None:
+        hand.move(lift, peak_speed=fastest / 2.0)
+        hand.move(lift + sign * apart * top.axes[0], peak_speed=fastest / 4.0)
+        hand.wait(2.5)
+        hand.move(lift, peak_speed=fastest / 4.0)
+        hand.wait(2.0)
+
+    yield _motion(
+        top,
+        "stretch and wait",
+        f"lift it a little, pull your hands {100 * 2 * apart:.1f} cm apart, wait for 2.5 s, come back and wait for 2 s",
+        write,
+    )
+
+
+def press_and_wait(top: TableTop) -> Iterator[HandMotion]:
+    """Press a solid down from where it is held, wait, and come back."""
+    if top.lies_flat:
+        return
+    depth, fastest = 0.25 * top.size[2], top.limits.fastest_m_s
+
+    def write(hand: PathWriter, _: float) -> None:
+        hand.move([0.0, 0.0, -depth], peak_speed=fastest / 4.0)
+        hand.wait(2.5)
+        hand.move([0.0, 0.0, 0.0], peak_speed=fastest / 4.0)
+        hand.wait(2.0)
+
+    yield _motion(
+        top,
+        "press and wait",
+        f"press it {100 * depth:.1f} cm down, wait for 2.5 s, come back up and wait for 2 s",
+        write,
+    )
+
+
+FAMILY: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (
+    hang_and_swing,
+    hang_still,
+    drag,
+    drop,
+    stretch_and_wait,
+    press_and_wait,
+)
+"""What can be done; add a motion here."""

@@ -1,0 +1,98 @@
+"""The path of a hand: where it goes, and when it holds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from egophys_core.waypoint_plan import OPEN, POINTING_DOWN, WaypointPlan
+
+STEP_S = 0.05
+"""Seconds between waypoints of what moves, at most."""
+
+ABOVE_M = 0.08
+"""Metres above its place from which a hand comes."""
+
+ARRIVES_S, CLOSES_S = 1.0, 0.5
+"""Seconds until a hand is at its place, and from there until it holds and moves."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ToolPath:
+    """Where one hand goes; straight between waypoints."""
+
+    times: np.ndarray
+    """[W] seconds, increasing from 0."""
+    positions: np.ndarray
+    """[W, 3] metres, world."""
+    holds: np.ndarray
+    """[W] bool, whether it holds from this waypoint on."""
+
+
+class PathWriter:
+    """Writes the path of a hand, move after move; begins with a hand that comes from above, and closes."""
+
+    def __init__(self, place: np.ndarray) -> None:
+        """Take hold at a place [3], metres."""
+        self._place = np.asarray(place, np.float64)
+        self._times = [0.0, ARRIVES_S]
+        self._offsets = [np.array([0.0, 0.0, ABOVE_M]), np.zeros(3)]
+        self._holds = [False, True]
+        self.wait(CLOSES_S)
+
+    @property
+    def duration(self) -> float:
+        """Seconds so far."""
+        return self._times[-1]
+
+    def wait(self, seconds: float) -> None:
+        """Stay."""
+        self._add(self._times[-1] + seconds, self._offsets[-1])
+
+    def move(self, to: Sequence[float] | np.ndarray, *, peak_speed: float) -> None:
+        """Go to an offset [3] from where it took hold, with a smooth speed of at most so many m/s."""
+        begin, end = self._offsets[-1], np.asarray(to, np.float64)
+        # Minimum jerk: at its fastest 15/8 of the mean (Flash and Hogan 1985).
+        duration = max(1.875 * float(np.linalg.norm(end - begin)) / peak_speed, STEP_S)
+        started, count = self._times[-1], int(np.ceil(duration / STEP_S))
+        for share in np.arange(1, count + 1) / count:
+            smooth = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+            self._add(started + share * duration, begin + smooth * (end - begin))
+
+    def swing(self, along: np.ndarray, *, amplitude: float, frequency: float, cycles: int) -> None:
+        """Swing to and fro about where it is, metres and Hz; it grows in the first cycle and ebbs in the last."""
+        middle, started = self._offsets[-1], self._times[-1]
+        count = int(np.ceil(cycles / frequency / STEP_S))
+        for phase in np.arange(1, count + 1) * cycles / count:
+            envelope = min(1.0, phase, cycles - phase)
+            self._add(started + phase / frequency, middle + envelope * amplitude * np.sin(2 * np.pi * phase) * along)
+
+    def let_go(self) -> None:
+        """Open the hand."""
+        self._holds[-1] = False
+
+    def path(self) -> ToolPath:
+        """What was written."""
+        return ToolPath(
+            times=np.array(self._times),
+            positions=self._place + np.array(self._offsets),
+            holds=np.array(self._holds),
+        )
+
+    def _add(self, time: float, offset: np.ndarray) -> None:
+        self._times.append(float(time))
+        self._offsets.append(np.asarray(offset, np.float64))
+        self._holds.append(self._holds[-1])
+
+
+def plan_of_path(path: ToolPath, twin_id: str) -> WaypointPlan:
+    """The path for an arm whose tool points down."""
+    return WaypointPlan(
+        # Whole nanoseconds, as messages carry them.
+        times=np.rint(path.times * 1e9) / 1e9,
+        positions=path.positions,
+        quaternions=np.repeat(POINTING_DOWN[None], len(path.times), axis=0),
+        gripper_opening=np.where(path.holds, 0.0, OPEN),
+        twin_id=twin_id,
+        predicted_cost=float("nan"),
+    )

@@ -1,0 +1,101 @@
+"""The choice of a motion: limits of recordings together, what counts, and what a sheet's own twin would choose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from egophys_core.diagnosis.diagnosis import DetectionLimit
+from egophys_core.errors import PlanningError
+from egophys_core.experiments import PERSON, HandLimits, choice, choose, motions_for
+from egophys_core.experiments.choice import together
+from egophys_core.experiments.prediction import predicted_episode
+from egophys_core.experiments.sensitivity import limits_in
+from egophys_core.simulation import ContactKind
+from egophys_core.twin import Provenance, Twin
+from tests.effects.situations import sheet
+
+DRAG = DetectionLimit(effect="quadratic_drag", parameter="coefficient", unit="1/m", null=0.0, size=4.0, alike=())
+GRAVITY = DetectionLimit(effect="gravity_scale", parameter="scale", unit="1", null=1.0, size=0.2, alike=())
+
+
+def twin():
+    provenance = Provenance(episodes=(), settings={}, seed=0, code_version="", scores={})
+    return Twin(model=sheet(), grasp=np.zeros((0, 3), np.float32), ground_height=0.0, provenance=provenance)
+
+
+def chosen(monkeypatch, shown, **options):
+    """What is chosen where motions show what `shown` says, by name, and the others nothing."""
+    monkeypatch.setattr(choice, "predicted_episode", lambda model, motion, **rest: motion)
+    monkeypatch.setattr(choice, "limits_in", lambda model, motion, effects, **rest: shown.get(motion.name, ()))
+    found = choose(twin(), ["quadratic_drag", "gravity_scale"], PERSON, needed_gain=50.0, least_scale=1e-3, **options)
+    return [each.motion.name for each in found]
+
+
+def test_two_recordings_that_show_alike_show_two_thirds_of_the_size_together():
+    assert together(DRAG, DRAG).size == pytest.approx(4.0 / np.sqrt(2.0))
+    assert together(None, DRAG) == together(replace(DRAG, size=None), DRAG) == DRAG
+    assert together(DRAG, replace(DRAG, size=None)).size == 4.0
+
+
+def test_what_one_of_two_recordings_tells_apart_is_told():
+    hidden = replace(DRAG, alike=("gravity_scale", "uneven_mass"))
+    assert together(hidden, replace(DRAG, alike=("uneven_mass",))).alike == ("uneven_mass",)
+
+
+def test_the_motion_that_shows_the_smallest_size_is_done_first(monkeypatch):
+    shown = {"hang still, one hand": (DRAG,), "drag fast, one hand": (replace(DRAG, size=1.0),)}
+    assert chosen(monkeypatch, shown)[0] == "drag fast, one hand"
+
+
+def test_a_second_motion_is_proposed_only_if_it_shows_more(monkeypatch):
+    best = {"drag fast, one hand": (replace(DRAG, size=1.0), GRAVITY)}
+    little = {"hang still, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=2.0))}
+    much = {"hang still, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=0.02))}
+    assert chosen(monkeypatch, best | little) == ["drag fast, one hand"]
+    assert chosen(monkeypatch, best | much) == ["hang still, one hand", "drag fast, one hand"]
+
+
+def test_what_looks_alike_in_a_motion_is_not_learned_from_it(monkeypatch):
+    alike = (replace(DRAG, size=1.0, alike=("gravity_scale",)), replace(GRAVITY, alike=("quadratic_drag",)))
+    shown = {"hang still, one hand": alike, "drag fast, one hand": (DRAG, GRAVITY)}
+    assert chosen(monkeypatch, shown)[0] == "hang still, one hand"
+    assert chosen(monkeypatch, shown, rivals=["quadratic_drag", "gravity_scale"])[0] == "drag fast, one hand"
+
+
+def test_what_recordings_show_already_counts_for_little(monkeypatch):
+    shown = {"hang still, one hand": (replace(DRAG, size=1.0),), "drag fast, one hand": (GRAVITY,)}
+    assert chosen(monkeypatch, shown, known=[replace(DRAG, size=0.5)])[0] == "drag fast, one hand"
+
+
+def test_a_twin_that_can_be_simulated_in_no_motion_is_refused(monkeypatch):
+    def fail(*_, **__):
+        raise PlanningError("it diverges")
+
+    monkeypatch.setattr(choice, "predicted_episode", fail)
+    with pytest.raises(PlanningError, match="none of the motions"):
+        choose(twin(), ["quadratic_drag"], PERSON, needed_gain=50.0, least_scale=1e-3)
+
+
+def test_a_motion_is_predicted_as_it_would_be_recorded():
+    motion = next(each for each in motions_for(sheet(), PERSON, ground_height=0.0) if "drop, two" in each.name)
+    episode = predicted_episode(sheet(), motion, ground_height=0.0)
+    assert episode.contact is not None
+    held = np.flatnonzero(episode.contact.all(axis=1))
+    heights = np.nanmean(episode.points[..., 2], axis=1)
+    assert ContactKind.HOLD == 1
+    assert heights[held[0]] == pytest.approx(heights[0], abs=2e-3)
+    assert heights[held[-1]] > heights[0] + 0.03
+    assert heights[-1] < heights[held[-1]] - 0.03
+
+
+def test_a_swing_shows_drag_at_a_smaller_size_than_a_slow_drag_over_the_table():
+    model, found = sheet(), {}
+    for motion in motions_for(model, HandLimits(hands=2, fastest_m_s=1.2, highest_m=0.6), ground_height=0.0):
+        if motion.name in ("hang and swing at 1.5 Hz, two hands", "drag slowly, two hands"):
+            episode = predicted_episode(model, motion, ground_height=0.0)
+            limit, *_ = limits_in(model, episode, ["quadratic_drag"], needed_gain=50.0, least_scale=1e-3)
+            found[motion.name] = limit.size or np.inf
+    swing, drag = found["hang and swing at 1.5 Hz, two hands"], found["drag slowly, two hands"]
+    assert 0.1 < swing < 20.0
+    assert drag > 3.0 * swing

@@ -1,0 +1,68 @@
+"""The family of motions: held where hands can hold, within what they can do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from egophys_core.errors import PlanningError
+from egophys_core.experiments import PERSON, HandLimits, motions_for
+from egophys_core.experiments.family import LONGEST_S
+from egophys_core.experiments.hand_path import plan_of_path
+from egophys_core.experiments.places import places_to_hold
+from egophys_core.robot import MotionLimits, Transform, check_plan
+from tests.effects.situations import sheet, solid
+
+ARM = HandLimits(hands=1, fastest_m_s=0.25, highest_m=0.45)
+
+
+@pytest.mark.parametrize("body", [sheet, solid])
+@pytest.mark.parametrize("limits", [PERSON, ARM])
+def test_no_hand_is_faster_or_higher_than_allowed_nor_below_the_table(body, limits):
+    motions = motions_for(body(), limits, ground_height=0.0)
+    assert len({each.name for each in motions}) == len(motions) >= 5
+    for motion in motions:
+        assert len(motion.paths) <= limits.hands
+        assert motion.duration <= LONGEST_S
+        for path in motion.paths:
+            np.testing.assert_array_equal(path.times, motion.paths[0].times)
+            speed = np.linalg.norm(np.diff(path.positions, axis=0), axis=1) / np.diff(path.times)
+            assert speed.max() <= 1.001 * limits.fastest_m_s, motion.name
+            assert path.positions[:, 2].max() <= limits.highest_m + 0.1
+            assert path.positions[:, 2].min() >= 0.0
+            assert path.holds.any()
+
+
+@pytest.mark.parametrize("body", [sheet, solid])
+def test_an_arm_may_execute_all_that_is_written_for_it(body):
+    model = body()
+    nodes = model.graph.positions + np.float32([0.42, 0.0, 0.0])
+    reached = replace(model, graph=replace(model.graph, positions=nodes))
+    own = MotionLimits()
+    limits = HandLimits(hands=1, fastest_m_s=own.max_speed_m_s, highest_m=own.workspace_max_m[2])
+    for motion in motions_for(reached, limits, ground_height=0.0):
+        check_plan(plan_of_path(motion.paths[0], ""), own, Transform.identity())
+
+
+def test_a_sheet_is_held_at_two_corners_of_a_long_side():
+    model = sheet()
+    nodes = model.graph.positions
+    longer = replace(model, graph=replace(model.graph, positions=(nodes * [1.5, 1.0, 1.0]).astype(np.float32)))
+    first, second = places_to_hold(longer, 2)
+    low, high = longer.graph.positions.min(axis=0), longer.graph.positions.max(axis=0)
+    assert abs(first[0] - second[0]) > 0.8 * (high - low)[0]
+    assert first[1] == pytest.approx(second[1], abs=0.01)
+    for place in (first, second):
+        assert (low[:2] <= place[:2]).all()
+        assert (place[:2] <= high[:2]).all()
+
+
+def test_a_solid_is_held_from_above():
+    model = solid()
+    for place in places_to_hold(model, 2):
+        assert place[2] == pytest.approx(model.graph.positions[:, 2].max(), abs=0.01)
+
+
+def test_a_cable_is_told_what_to_do_instead():
+    with pytest.raises(PlanningError, match="record another load"):
+        places_to_hold(replace(sheet(), kind="rod"), 1)

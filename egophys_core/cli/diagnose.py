@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from rich.markup import escape
 
+from egophys_core.cli.asking_arguments import add_ask_arguments, hands_of, rehearsed_world
 from egophys_core.cli.declared_arguments import add_declared_arguments, as_declared
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.errors import OptionsError
 
 if TYPE_CHECKING:
     from egophys_core.diagnosis.diagnosis import Diagnosis
@@ -48,43 +50,59 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of surrogates and resamples (default 0)")
     parser.add_argument("--json", action="store_true", help="print the content of diagnosis.json instead of a summary")
     add_load_argument(parser)
+    add_ask_arguments(parser)
     add_declared_arguments(parser)
     add_option_arguments(parser, DiagnosisOptions)
 
 
 def run(parsed: argparse.Namespace) -> int:
     """Diagnose, save and print."""
-    from egophys_core.diagnosis.diagnose import diagnose
     from egophys_core.diagnosis.diagnosis import Outcome
     from egophys_core.diagnosis.saving import require_new_folder, save_finding
     from egophys_core.effects import effect_named
+    from egophys_core.experiments import diagnose_and_ask
     from egophys_core.recording import read_episode
     from egophys_core.twin import load_twin
 
     options = options_from(parsed, DiagnosisOptions)
     for name in parsed.without:
         effect_named(name)
+    if (parsed.ask > 0) != (parsed.world is not None) or parsed.ask < 0:
+        raise OptionsError("--ask N and --world DIR go together: how often to ask, and where motions are done")
     require_new_folder(parsed.out)
+    recorded = parsed.out.with_name(f"{parsed.out.name}_asked")
+    if parsed.ask:
+        require_new_folder(recorded)
     twin = load_twin(parsed.twin)
+    world = rehearsed_world(parsed.world, twin, recorded) if parsed.ask else None
     episodes, others = (
         [as_declared(read_episode(path), parsed) for path in paths] for paths in (parsed.episodes, parsed.report_on)
     )
     with progress_bar() as report:
-        finding = diagnose(
+        answer = diagnose_and_ask(
             twin,
             episodes,
             options,
+            world,
+            most=parsed.ask,
+            limits=hands_of(parsed),
             loads=loads_from(parsed.load, [each.name for each in (*episodes, *others)]),
             report_on=others,
             without=parsed.without,
             seed=parsed.seed,
             progress=report,
         )
+    finding = answer.finding
     files = save_finding(finding, parsed.out)
     diagnosis = finding.diagnosis
     if parsed.json:
         print_json(diagnosis.as_dict())
     else:
+        for number, each in enumerate(answer.asked, start=1):
+            was, sentence = each.before.diagnosis, each.proposal.motion.sentence
+            print(f"asked {number}, as {was.outcome} ({was.reason}): {sentence}")
+        if parsed.ask:
+            print(f"asked no more: {answer.ended}")
         _print_summary(diagnosis)
         print(f"improved twin {finding.twin.twin_id} in {files['twin']}; look at {files['report']}")
     return 0 if diagnosis.outcome == Outcome.NONE else 1

@@ -1,0 +1,173 @@
+"""Diagnoses that may ask: two passive recordings, then at most two motions of their own choice, in the rehearsal world.
+
+Every set is an object nobody has seen, drawn when this was frozen: change `DRAWN` before a new revision is measured.
+Results are kept after each set, and a run goes on where the last one stopped.
+"""
+
+import json
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.injected import DIAGNOSIS, FIT, POINTS
+from benchmarks.kept import kept_in
+from benchmarks.provenance import commit
+from benchmarks.side_by_side import side_by_side
+from egophys_core.diagnosis.diagnosis import DetectionLimit, Diagnosis
+from egophys_core.effects import effect_named
+from egophys_core.episode import Episode
+from egophys_core.experiments import PERSON, Proposal, diagnose_and_ask
+from egophys_core.experiments.hand_path import plan_of_path
+from egophys_core.files import write_json
+from egophys_core.identification import build
+from egophys_core.rehearsal import Motion, RehearsalObject, RehearsalOptions, rehearse, rehearse_plans
+from egophys_core.rehearsal.injection import injected_sizes
+
+RESULT = Path(__file__).parent / "results/asked.json"
+
+DRAWN = 20261127
+"""Seed of the objects and motions of this table."""
+
+MOST_ASKED = 2
+
+PASSIVE = (Motion.LIFT, Motion.PULL)
+"""What was recorded before anything was asked."""
+
+JUDGED_ON = Motion.DOUBLE_LIFT
+"""A motion that has no part in a diagnosis: errors are reported on it."""
+
+NONE_SETS = 40
+
+AIMS = (
+    ("quadratic_drag", RehearsalObject.SHEET),
+    ("gravity_scale", RehearsalObject.SHEET),
+    ("gravity_tilt", RehearsalObject.SHEET),
+    ("constant_body_force", RehearsalObject.SHEET),
+    ("uneven_mass", RehearsalObject.SHEET),
+    ("control_delay", RehearsalObject.SHEET),
+    ("grasp_slip", RehearsalObject.SHEET),
+    ("viscoelasticity", RehearsalObject.ELLIPSOID),
+)
+"""Effects whose limits have an aim, and in what they are injected."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AskedCase:
+    """One set."""
+
+    effect: str
+    """Name, or "none"."""
+    size: str
+    """"small", "large", or "" for none."""
+    object: str
+    seed: int
+    """Of the object, and ten times that of its motions."""
+
+    @property
+    def effects(self) -> Mapping[str, Mapping[str, float]]:
+        """What is injected."""
+        return {} if self.effect == "none" else {self.effect: injected_sizes(self.effect)[self.size]}
+
+
+def cases() -> list[AskedCase]:
+    """Of every kind some from the first on, so that a part of the table is like the whole."""
+    random = np.random.default_rng(DRAWN)
+    injected = [(name, size, str(body)) for size in ("large", "small") for name, body in AIMS]
+    objects = [str(each) for each in (RehearsalObject.SHEET, RehearsalObject.ELLIPSOID)]
+    nothing = [("none", "", objects[index % len(objects)]) for index in range(NONE_SETS)]
+    rounds = [each for pair in zip(injected, nothing, strict=False) for each in pair] + nothing[len(injected) :]
+    seeds = random.choice(np.arange(10_000, 100_000), size=len(rounds), replace=False)
+    return [
+        AskedCase(effect=effect, size=size, object=body, seed=int(seed))
+        for (effect, size, body), seed in zip(rounds, seeds, strict=True)
+    ]
+
+
+def measure(case: AskedCase) -> dict[str, Any]:
+    """One row."""
+    options = RehearsalOptions(object=RehearsalObject(case.object), points=POINTS)
+    handle = partial(rehearse, options, effects=case.effects, object_seed=case.seed)
+    episodes = [handle(motion, seed=10 * case.seed + index) for index, motion in enumerate(PASSIVE)]
+    judged_on = handle(JUDGED_ON, seed=10 * case.seed + len(PASSIVE))
+    twin = build(episodes, FIT, seed=0)
+
+    def world(proposal: Proposal, number: int) -> Episode:
+        plans = [plan_of_path(each, "") for each in proposal.motion.paths]
+        seed = 10 * case.seed + len(PASSIVE) + number
+        return rehearse_plans(
+            options, plans, name=f"asked_{number}", seed=seed, effects=case.effects, object_seed=case.seed
+        )
+
+    started = time.monotonic()
+    answer = diagnose_and_ask(twin, episodes, DIAGNOSIS, world, most=MOST_ASKED, limits=PERSON, report_on=[judged_on])
+    diagnosis = answer.finding.diagnosis
+    judged = next(each for each in diagnosis.error if each.episode == judged_on.name)
+    first = answer.asked[0].before.diagnosis if answer.asked else diagnosis
+    return {
+        **asdict(case),
+        "asked": len(answer.asked),
+        "motions": [each.proposal.motion.name for each in answer.asked],
+        "ended": answer.ended,
+        "outcome": str(diagnosis.outcome),
+        "named": [each.name for each in diagnosis.effects],
+        "passive_outcome": str(first.outcome),
+        "passive_named": [each.name for each in first.effects],
+        "limit": limit_of(diagnosis.limits, case.effect),
+        "passive_limit": limit_of(first.limits, case.effect),
+        "planted": planted(case),
+        "track_before_m": judged.track_before_m,
+        "track_after_m": judged.track_after_m,
+        "p_null": least_p(diagnosis),
+        "limits": [asdict(each) for each in diagnosis.limits],
+        "candidates": diagnosis.as_dict()["candidates"][:5],
+        "reason": diagnosis.reason,
+        "seconds": time.monotonic() - started,
+        "commit": commit(),
+    }
+
+
+def limit_of(limits: tuple[DetectionLimit, ...], effect: str) -> float | None:
+    """The size from which an effect would have been named in whatever direction; None where none is seen."""
+    own = [each.size for each in limits if each.effect == effect]
+    known = [each for each in own if each is not None]
+    return max(known) if known and len(known) == len(own) else None
+
+
+def planted(case: AskedCase) -> float | None:
+    """How far off no effect the injected one is: the length of all of its sizes together."""
+    if case.effect == "none":
+        return None
+    values = case.effects[case.effect]
+    parameters = effect_named(case.effect).parameters
+    return math.hypot(*(values[each.name] - each.null for each in parameters if each.null is not None))
+
+
+def least_p(diagnosis: Diagnosis) -> float:
+    """Share of surrogates that gain as much as the candidate that gains most."""
+    return max(diagnosis.candidates, key=lambda each: each.held_out_gain).p_null
+
+
+def run(*, minutes: float = 1e9) -> dict[str, Any]:
+    """Measure what is missing; the keys of `results/asked.json`.
+
+    Args:
+        minutes: begin no further set after this long.
+    """
+    kept = kept_in(RESULT, {"rows": []})
+    rows = kept["rows"]
+    done = {_key(row) for row in rows}
+    missing = [case for case in cases() if json.dumps(asdict(case), sort_keys=True) not in done]
+    for _, row in side_by_side(measure, missing, minutes=minutes):
+        rows.append(row)
+        write_json(RESULT, kept)
+    return {"rows": rows, "p_null": [row["p_null"] for row in rows if row["effect"] == "none"], "revision": commit()}
+
+
+def _key(row: Mapping[str, Any]) -> str:
+    return json.dumps({name: row[name] for name in AskedCase.__dataclass_fields__}, sort_keys=True)

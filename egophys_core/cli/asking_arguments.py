@@ -1,0 +1,104 @@
+"""Command-line arguments for motions that are asked for: whose hands do them, how many, and in which world."""
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from egophys_core.errors import OptionsError
+
+if TYPE_CHECKING:
+    from egophys_core.episode import Episode
+    from egophys_core.experiments import HandLimits, Proposal
+    from egophys_core.experiments.asking import World
+    from egophys_core.twin import Twin
+
+
+def add_hand_arguments(parser: argparse.ArgumentParser) -> None:
+    """Whose hands do a motion."""
+    parser.add_argument(
+        "--by",
+        choices=("person", "arm"),
+        default="person",
+        help="who does motions: a person with two hands, or one arm within the bridge's limits (default person)",
+    )
+    parser.add_argument(
+        "--limits", type=Path, metavar="FILE", help="YAML of the arm's limits, as the bridge takes it (default its own)"
+    )
+
+
+def add_ask_arguments(parser: argparse.ArgumentParser) -> None:
+    """How often to ask, and whom."""
+    parser.add_argument(
+        "--ask",
+        type=int,
+        default=0,
+        metavar="N",
+        help="as long as nothing is decided, have a motion done that would show more, and diagnose again with it; N "
+        "times at most (default 0)",
+    )
+    parser.add_argument(
+        "--world",
+        type=Path,
+        metavar="DIR",
+        help="where motions are done: a folder of `egophys rehearse`, whose object is handled again; what is recorded "
+        "stays in the folder beside --out that ends in _asked",
+    )
+    add_hand_arguments(parser)
+
+
+def hands_of(parsed: argparse.Namespace) -> "HandLimits":
+    """What the hands that were chosen can do."""
+    from egophys_core.experiments import PERSON, HandLimits
+    from egophys_core.robot import MotionLimits
+
+    if parsed.by == "person":
+        return PERSON
+    arm = MotionLimits.load(parsed.limits) if parsed.limits else MotionLimits()
+    return HandLimits(hands=1, fastest_m_s=arm.max_speed_m_s, highest_m=arm.workspace_max_m[2])
+
+
+def rehearsed_world(folder: Path, twin: "Twin", out: Path) -> "World":
+    """The world of a rehearsal: its object, handled as proposed.
+
+    Args:
+        folder: that `egophys rehearse` made.
+        twin: whose plans are executed.
+        out: a new folder that keeps each motion as `motion_K`: the experiment, and the recording `motion_K`.
+
+    Raises:
+        OptionsError: it is no such folder.
+    """
+    from egophys_core.experiments import save_experiment
+    from egophys_core.experiments.hand_path import plan_of_path
+    from egophys_core.options import from_mapping
+    from egophys_core.recording import write_episode
+    from egophys_core.rehearsal import RehearsalOptions, rehearse_plans
+
+    path = folder / "truth.json"
+    try:
+        truth: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        options = from_mapping(RehearsalOptions, truth["options"])
+        object_seed = int(truth["object_seed"])
+        effects = {
+            each["name"]: {name: float(value["value"]) for name, value in each["parameters"].items()}
+            for each in truth["effects"]
+        }
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OptionsError(
+            f"--world {folder}: cannot read {path}: {error}; give a folder of `egophys rehearse`"
+        ) from error
+
+    def handle(proposal: "Proposal", number: int) -> "Episode":
+        name = f"motion_{number}"
+        out.mkdir(exist_ok=True)
+        save_experiment([proposal], twin, out / name, stamp_ns=time.time_ns())
+        plans = [plan_of_path(each, twin.twin_id) for each in proposal.motion.paths]
+        # Another seed than those of the folder, so that it is seen with noise of its own.
+        seed = 1000 + number + max((int(each["seed"]) for each in truth["episodes"]), default=0)
+        episode = rehearse_plans(options, plans, name=name, seed=seed, effects=effects, object_seed=object_seed)
+        write_episode(episode, out / name / name)
+        return episode
+
+    return handle

@@ -1,0 +1,131 @@
+"""The loop: diagnose, choose a motion, have it done in a world, and diagnose again with what was recorded of it."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from egophys_core.diagnosis.diagnose import Finding, diagnose
+from egophys_core.diagnosis.diagnosis import Outcome
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.errors import PlanningError
+from egophys_core.experiments.choice import Proposal, choose
+from egophys_core.experiments.family import HandLimits
+from egophys_core.experiments.open_questions import known_limits, left_open, rivals
+from egophys_core.observation import AnyEpisode
+from egophys_core.twin import Twin
+
+LEAST_SCORE = 0.1
+"""Of a proposal: what would lower limits by less than a tenth is not worth a motion."""
+
+World = Callable[[Proposal, int], AnyEpisode]
+"""Does a motion with the object, the how manieth, and records it."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """One round of the loop."""
+
+    proposal: Proposal
+    """What was done."""
+    before: Finding
+    """The diagnosis that left it open."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """How the loop ended."""
+
+    finding: Finding
+    """The last diagnosis, of all that was recorded."""
+    asked: tuple[Asked, ...]
+    """What was asked, in order."""
+    ended: str
+    """Why nothing more was asked, in words."""
+
+
+def diagnose_and_ask(
+    twin: Twin,
+    episodes: Sequence[AnyEpisode],
+    options: DiagnosisOptions,
+    world: World | None,
+    *,
+    most: int,
+    limits: HandLimits,
+    loads: Mapping[str, float] | None = None,
+    report_on: Sequence[AnyEpisode] = (),
+    without: Sequence[str] = (),
+    seed: int = 0,
+    progress: Progress = lambda stage, share: None,
+) -> Answer:
+    """Diagnose, and as long as that does not decide ask for a motion and diagnose again.
+
+    Of the recordings those that were asked for come first, and the last third of all is not fitted: so what is named
+    has to show in what was there before, too.
+
+    Args:
+        twin: to diagnose, as built.
+        episodes: what was recorded before.
+        options: of each diagnosis.
+        world: does motions; None where nobody does: then nothing is asked.
+        most: motions to ask for at most.
+        limits: what hands can do.
+        loads: N that hang at the free end of an object that is seen at a few markers, by name of the episode.
+        report_on: episodes that have no part in it.
+        without: effects of the library to leave out.
+        seed: of each diagnosis.
+        progress: called with stage and share done.
+
+    Raises:
+        EgophysError: as `diagnose`, or as the world does.
+    """
+    recorded, asked, rounds = list(episodes), list[Asked](), 1 + 2 * most
+
+    def part(index: int) -> Progress:
+        return lambda stage, share: progress(stage, (index + share) / rounds)
+
+    def look(index: int) -> Finding:
+        return diagnose(twin, recorded, options, report_on=report_on, without=without, seed=seed, progress=part(index))
+
+    finding, ended = look(0), ""
+    while not ended:
+        if is_decided(finding):
+            ended = "it is decided"
+        elif world is None or len(asked) == most:
+            ended = f"{len(asked)} motions were asked for, as many as allowed"
+        else:
+            proposal, ended = _proposal(finding, limits, without, part(2 * len(asked) + 1))
+            if proposal is not None:
+                asked.append(Asked(proposal=proposal, before=finding))
+                recorded.insert(0, world(proposal, len(asked)))
+                finding = look(2 * len(asked))
+    return Answer(finding=finding, asked=tuple(asked), ended=ended)
+
+
+def is_decided(finding: Finding) -> bool:
+    """Whether a diagnosis names what the twin lacks, and nothing beside it is left open."""
+    return finding.diagnosis.outcome is Outcome.NAMED
+
+
+def _proposal(
+    finding: Finding, limits: HandLimits, without: Sequence[str], progress: Progress
+) -> tuple[Proposal | None, str]:
+    """The motion to do next, or why there is none."""
+    content = finding.diagnosis.as_dict()
+    try:
+        best, *_ = choose(
+            finding.twin,
+            [name for name in left_open(content) if name not in without],
+            limits,
+            known=known_limits(content),
+            rivals=rivals(content),
+            needed_gain=Thresholds().least_gain,
+            least_scale=finding.diagnosis.where.size_m,
+            progress=progress,
+        )
+    except PlanningError as error:
+        return None, str(error)
+    if best.score < LEAST_SCORE:
+        return None, "no motion that hands can do would show much smaller effects"
+    return best, ""

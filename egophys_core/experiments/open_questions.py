@@ -1,0 +1,48 @@
+"""What a diagnosis left open, from the content of its `diagnosis.json`."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from egophys_core.diagnosis.diagnosis import DetectionLimit, Outcome
+from egophys_core.diagnosis.saving import DIAGNOSIS_NAME
+from egophys_core.errors import DiscrepancyError
+
+NEAREST = 5
+"""Effects that came nearest to being named, which are asked about if nothing is ambiguous."""
+
+
+def read_content(folder: Path) -> dict[str, Any]:
+    """The content of the `diagnosis.json` in a folder.
+
+    Raises:
+        DiscrepancyError: there is none, or one of an earlier version.
+    """
+    path = folder / DIAGNOSIS_NAME
+    try:
+        content: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise DiscrepancyError(f"cannot read {path}: {error}; give the folder that `egophys diagnose` made") from error
+    if "limits" not in content:
+        raise DiscrepancyError(f"{path}: it lacks detection limits, as one of an earlier version does; diagnose again")
+    return content
+
+
+def known_limits(content: Mapping[str, Any]) -> list[DetectionLimit]:
+    """What its recordings could have shown."""
+    return [DetectionLimit(**{**each, "alike": tuple(each["alike"])}) for each in content["limits"]]
+
+
+def rivals(content: Mapping[str, Any]) -> list[str]:
+    """The effects that it could not tell apart."""
+    if content["outcome"] not in (Outcome.AMBIGUOUS, Outcome.NAMED_AND_AMBIGUOUS):
+        return []
+    beside = content["decisions"][-1]["beside"]
+    return [each["name"] for each in content["effects"] if each["name"] not in beside]
+
+
+def left_open(content: Mapping[str, Any]) -> list[str]:
+    """The effects to ask about: those that it could not tell apart, else what came nearest to being named."""
+    named = {each["name"] for each in content["effects"]}
+    return rivals(content) or [each["name"] for each in content["candidates"] if each["name"] not in named][:NEAREST]

@@ -1,0 +1,99 @@
+"""The loop: it asks while nothing is decided, keeps what was recorded, and ends for a reason that it says."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from egophys_core.diagnosis.diagnosis import DetectionLimit, Outcome
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.errors import PlanningError
+from egophys_core.experiments import PERSON, asking, diagnose_and_ask
+from tests.diagnosis.findings import make_diagnosis, make_nothing_found
+
+DRAG = DetectionLimit(effect="quadratic_drag", parameter="coefficient", unit="1/m", null=0.0, size=4.0, alike=())
+
+
+class Lab:
+    """Diagnoses that end as they are told, and a world that counts."""
+
+    def __init__(self, monkeypatch, *outcomes, score=1.0, refusal=None):
+        self.outcomes, self.score, self.refusal = list(outcomes), score, refusal
+        self.diagnosed, self.asked_about = [], []
+        monkeypatch.setattr(asking, "diagnose", self.diagnose)
+        monkeypatch.setattr(asking, "choose", self.choose)
+
+    def diagnose(self, twin, episodes, options, **rest):
+        self.diagnosed.append(list(episodes))
+        outcome = self.outcomes.pop(0)
+        named = outcome is Outcome.NAMED
+        found = make_diagnosis() if named else replace(make_nothing_found(), outcome=outcome, limits=(DRAG,))
+        return SimpleNamespace(diagnosis=found, twin="improved")
+
+    def choose(self, twin, effects, limits, **rest):
+        if self.refusal:
+            raise PlanningError(self.refusal)
+        assert twin == "improved"
+        self.asked_about.append((list(effects), list(rest["known"])))
+        return [SimpleNamespace(score=self.score, motion=None)]
+
+    def world(self, proposal, number):
+        return f"asked {number}"
+
+    def answer(self, most=2, **rest):
+        return diagnose_and_ask(
+            "twin", ["lift", "pull"], DiagnosisOptions(), self.world, most=most, limits=PERSON, **rest
+        )
+
+
+def test_what_is_decided_is_not_asked_about(monkeypatch):
+    answer = Lab(monkeypatch, Outcome.NAMED).answer()
+    assert answer.asked == ()
+    assert answer.ended == "it is decided"
+
+
+def test_it_asks_until_it_is_decided_and_fits_what_it_asked_for_first(monkeypatch):
+    lab = Lab(monkeypatch, Outcome.NONE, Outcome.NONE, Outcome.NAMED)
+    answer = lab.answer(most=5)
+    assert lab.diagnosed == [["lift", "pull"], ["asked 1", "lift", "pull"], ["asked 2", "asked 1", "lift", "pull"]]
+    assert answer.finding.diagnosis.outcome is Outcome.NAMED
+    assert [each.before.diagnosis.outcome for each in answer.asked] == [Outcome.NONE, Outcome.NONE]
+    assert lab.asked_about[0][1] == [DRAG]
+
+
+def test_it_asks_no_oftener_than_allowed_and_nobody_without_a_world(monkeypatch):
+    answer = Lab(monkeypatch, Outcome.NONE, Outcome.NONE).answer(most=1)
+    assert len(answer.asked) == 1
+    assert "as many as allowed" in answer.ended
+    lab = Lab(monkeypatch, Outcome.NONE)
+    lab.world = None
+    assert lab.answer().asked == ()
+
+
+def test_a_motion_that_shows_little_more_is_not_asked_for(monkeypatch):
+    answer = Lab(monkeypatch, Outcome.NONE, score=0.01).answer()
+    assert answer.asked == ()
+    assert "no motion" in answer.ended
+
+
+def test_what_cannot_be_moved_by_hands_is_said(monkeypatch):
+    answer = Lab(monkeypatch, Outcome.NONE, refusal="a rod is held in clamps").answer()
+    assert answer.asked == ()
+    assert answer.ended == "a rod is held in clamps"
+
+
+def test_progress_never_goes_back(monkeypatch):
+    lab = Lab(monkeypatch, Outcome.NONE, Outcome.NONE, Outcome.NONE)
+    reported = []
+    diagnose = lab.diagnose
+
+    def with_progress(*args, progress, **rest):
+        for share in (0.0, 0.5, 1.0):
+            progress("fit", share)
+        return diagnose(*args, **rest)
+
+    monkeypatch.setattr(asking, "diagnose", with_progress)
+    lab.answer(progress=lambda stage, share: reported.append(share))
+    assert (np.diff(reported) >= 0.0).all()
+    assert reported[-1] == pytest.approx(1.0)

@@ -58,7 +58,7 @@ def choose(
     Raises:
         PlanningError: hands can do none of the motions with the object, or the twin can be simulated in none.
     """
-    motions = motions_for(twin.model, limits, ground_height=twin.ground_height)
+    motions = motions_for(twin, limits)
     shown: dict[str, tuple[DetectionLimit, ...]] = {}
     for index, motion in enumerate(motions):
         progress(motion.name, index / len(motions))

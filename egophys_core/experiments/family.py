@@ -1,14 +1,14 @@
 """The family of motions an experiment is chosen from, within what a person or an arm can do."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from egophys_core.experiments.hand_path import PathWriter, ToolPath
 from egophys_core.experiments.places import axes_at_rest, extents, places_to_hold
 from egophys_core.kinds import kind_of
-from egophys_core.twin import ObjectModel
+from egophys_core.twin import Twin
 
 LONGEST_S = 12.0
 """Seconds of a motion, at most; about two of them pass before hands move."""
@@ -60,6 +60,8 @@ class HandMotion:
     """For a person who does it."""
     paths: tuple[ToolPath, ...]
     """Of each hand; of equal times."""
+    hand_points: np.ndarray
+    """[C, 3] metres from the path of a hand to points of it: what is near these is held."""
 
     @property
     def duration(self) -> float:
@@ -67,13 +69,22 @@ class HandMotion:
         return float(self.paths[0].times[-1])
 
 
+HAND_M = 0.02
+"""Metres from the middle of a hand to its points."""
+
+HAND_POINTS = HAND_M * np.vstack([np.eye(3), -np.eye(3)])
+"""[6, 3] metres."""
+
+NO_TABLE_M = 1.0
+"""Metres above the table from which an object at rest hangs in hands, and there is none (`observation.hanging`)."""
+
 Write = Callable[[PathWriter, float], None]
 """Writes the path of one hand, of which sign (1 or -1) along the object."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableTop:
-    """An object at rest, and how far hands may go with it."""
+    """An object at rest on a table, or in a hand, and how far hands may go with it."""
 
     places: np.ndarray
     """[H, 3] metres, where hands take hold."""
@@ -83,10 +94,16 @@ class TableTop:
     """[3] metres, extents along, across, upwards."""
     lies_flat: bool
     limits: HandLimits
+    hand_points: np.ndarray
+    """[C, 3] metres about each of these places."""
+    hangs: bool = False
+    """Whether the hand holds it from the start."""
 
     @property
     def how(self) -> str:
         """Where it is held, in words."""
+        if self.hangs:
+            return "it as it was held"
         if self.lies_flat:
             return "its two corners of a long side" if len(self.places) == 2 else "one corner"
         return "both ends from above" if len(self.places) == 2 else "one end from above"
@@ -94,30 +111,44 @@ class TableTop:
     @property
     def hanging(self) -> np.ndarray:
         """[3] metres by which hands rise until the object hangs free, or as far as they may."""
+        if self.hangs:
+            return np.zeros(3)
         along, across, up = self.size
         below = up / 2.0 if not self.lies_flat else across if len(self.places) == 2 else np.hypot(along, across)
         highest = self.limits.highest_m - self.places[:, 2].max()
         return np.array([0.0, 0.0, min(below + CLEARANCE_M, highest)])
 
 
-def motions_for(model: ObjectModel, limits: HandLimits, *, ground_height: float) -> list[HandMotion]:
+def motions_for(twin: Twin, limits: HandLimits) -> list[HandMotion]:
     """The motions that can be done with an object, with one hand and, where there are two, with both.
 
+    What hangs in a hand from the start of its recordings is moved by that.
+
     Raises:
-        PlanningError: it is of a kind that does not lie on a table.
+        PlanningError: it is of a kind that does not lie on a table, nor hangs in a hand.
     """
-    found: list[HandMotion] = []
-    for hands in range(1, limits.hands + 1):
-        places = places_to_hold(model, hands)
-        above = HandLimits(hands=hands, fastest_m_s=limits.fastest_m_s, highest_m=limits.highest_m + ground_height)
+    model, found = twin.model, list[HandMotion]()
+    lowest = float(model.graph.positions[:, 2].min())
+    tops = []
+    if lowest - twin.ground_height > NO_TABLE_M and len(twin.grasp):
+        place = twin.grasp.mean(axis=0, dtype=np.float64)
+        tops.append((place[None], twin.grasp - place, limits, True))
+    else:
+        above = replace(limits, highest_m=limits.highest_m + twin.ground_height)
+        for hands in range(1, limits.hands + 1):
+            tops.append((places_to_hold(model, hands), HAND_POINTS, above, False))
+    for places, hand_points, allowed, hangs in tops:
         top = TableTop(
             places=places,
             axes=axes_at_rest(model),
             size=extents(model),
             lies_flat=kind_of(model).lies_flat,
-            limits=above,
+            limits=allowed,
+            hand_points=hand_points,
+            hangs=hangs,
         )
-        found += [motion for family in FAMILY for motion in family(top) if motion.duration <= LONGEST_S]
+        done = [motion for each in (HANGING if hangs else FAMILY) for motion in each(top)]
+        found += [motion for motion in done if motion.duration <= LONGEST_S]
     return found
 
 
@@ -126,15 +157,24 @@ def _motion(top: TableTop, name: str, sentence: str, write: Write) -> HandMotion
     signs = (1.0, -1.0)[: len(top.places)]
     paths = []
     for place, sign in zip(top.places, signs, strict=True):
-        writer = PathWriter(place)
+        writer = PathWriter(place, holds=top.hangs)
         write(writer, sign)
         paths.append(writer.path())
     hands = "two hands" if len(paths) == 2 else "one hand"
-    return HandMotion(name=f"{name}, {hands}", sentence=f"hold {top.how}; {sentence}", paths=tuple(paths))
+    return HandMotion(
+        name=f"{name}, {hands}",
+        sentence=f"hold {top.how}; {sentence}",
+        paths=tuple(paths),
+        hand_points=top.hand_points,
+    )
 
 
 def _centimetres(metres: float) -> str:
     return f"{100 * metres:.0f} cm"
+
+
+def _lift(up: np.ndarray) -> str:
+    return f"lift it by {_centimetres(up[2])}, " if up.any() else ""
 
 
 def hang_and_swing(top: TableTop) -> Iterator[HandMotion]:
@@ -159,7 +199,7 @@ def hang_and_swing(top: TableTop) -> Iterator[HandMotion]:
         yield _motion(
             top,
             f"hang and swing at {frequency:g} Hz",
-            f"lift it by {_centimetres(up[2])}, let it hang still for 1.5 s, swing it {_centimetres(2 * amplitude)} to "
+            f"{_lift(up)}let it hang still for 1.5 s, swing it {_centimetres(2 * amplitude)} to "
             f"and fro across its long side, {cycles} times, {frequency:g} a second, and let it hang still for 1.5 s",
             write,
         )
@@ -173,7 +213,7 @@ def hang_still(top: TableTop) -> Iterator[HandMotion]:
         hand.move(up, peak_speed=GENTLE * fastest)
         hand.wait(5.0)
 
-    yield _motion(top, "hang still", f"lift it by {_centimetres(up[2])} and let it hang still for 5 s", write)
+    yield _motion(top, "hang still", f"{_lift(up)}let it hang still for 5 s", write)
 
 
 def drag(top: TableTop) -> Iterator[HandMotion]:
@@ -254,6 +294,37 @@ def press_and_wait(top: TableTop) -> Iterator[HandMotion]:
     )
 
 
+def swing_along(top: TableTop) -> Iterator[HandMotion]:
+    """Swing what hangs within its plane, and up and down."""
+    fastest = top.limits.fastest_m_s
+    for axis, how in ((top.axes[0], "sideways within its plane"), (np.array([0.0, 0.0, 1.0]), "up and down")):
+        for frequency in FREQUENCIES_HZ:
+            amplitude = min(WIDEST_SWING_M, 0.9 * fastest / (2.0 * np.pi * frequency))
+            cycles = max(3, round(SWUNG_S * frequency))
+            if amplitude < LEAST_SWING_M:
+                continue
+
+            def write(
+                hand: PathWriter,
+                _: float,
+                axis: np.ndarray = axis,
+                amplitude: float = amplitude,
+                frequency: float = frequency,
+                cycles: int = cycles,
+            ) -> None:
+                hand.wait(1.5)
+                hand.swing(axis, amplitude=amplitude, frequency=frequency, cycles=cycles)
+                hand.wait(1.5)
+
+            yield _motion(
+                top,
+                f"swing {how} at {frequency:g} Hz",
+                f"let it hang still for 1.5 s, move it {_centimetres(2 * amplitude)} to and fro {how}, {cycles} times, "
+                f"{frequency:g} a second, and let it hang still for 1.5 s",
+                write,
+            )
+
+
 FAMILY: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (
     hang_and_swing,
     hang_still,
@@ -262,4 +333,7 @@ FAMILY: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (
     stretch_and_wait,
     press_and_wait,
 )
-"""What can be done; add a motion here."""
+"""What can be done with what lies on a table; add a motion here."""
+
+HANGING: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (hang_and_swing, hang_still, swing_along)
+"""What can be done with what hangs in a hand."""

@@ -30,14 +30,14 @@ class ToolPath:
 
 
 class PathWriter:
-    """Writes the path of a hand, move after move; begins with a hand that comes from above, and closes."""
+    """Writes the path of a hand, move after move; begins with a hand that comes from above and closes, or holds."""
 
-    def __init__(self, place: np.ndarray) -> None:
-        """Take hold at a place [3], metres."""
+    def __init__(self, place: np.ndarray, *, holds: bool = False) -> None:
+        """Take hold at a place [3], metres, or hold there from the start."""
         self._place = np.asarray(place, np.float64)
         self._times = [0.0, ARRIVES_S]
-        self._offsets = [np.array([0.0, 0.0, ABOVE_M]), np.zeros(3)]
-        self._holds = [False, True]
+        self._offsets = [np.array([0.0, 0.0, 0.0 if holds else ABOVE_M]), np.zeros(3)]
+        self._holds = [holds, True]
         self.wait(CLOSES_S)
 
     @property
@@ -53,7 +53,10 @@ class PathWriter:
         """Go to an offset [3] from where it took hold, with a smooth speed of at most so many m/s."""
         begin, end = self._offsets[-1], np.asarray(to, np.float64)
         # Minimum jerk: at its fastest 15/8 of the mean (Flash and Hogan 1985).
-        duration = max(1.875 * float(np.linalg.norm(end - begin)) / peak_speed, STEP_S)
+        distance = float(np.linalg.norm(end - begin))
+        if distance == 0.0:
+            return
+        duration = max(1.875 * distance / peak_speed, STEP_S)
         started, count = self._times[-1], int(np.ceil(duration / STEP_S))
         for share in np.arange(1, count + 1) / count:
             smooth = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)

@@ -15,12 +15,6 @@ RATE_HZ = 30.0
 POINTS = 150
 """Tracked points on the surface, at most."""
 
-HAND_M = 0.02
-"""Metres from the middle of a hand to its tracked points."""
-
-HAND_POINTS = HAND_M * np.vstack([np.eye(3), -np.eye(3)])
-"""[6, 3] metres."""
-
 
 def predicted_episode(model: ObjectModel, motion: HandMotion, *, ground_height: float) -> Episode:
     """The motion as a tracker without noise would record it, of an object that begins as the twin was built.
@@ -29,12 +23,12 @@ def predicted_episode(model: ObjectModel, motion: HandMotion, *, ground_height: 
         PlanningError: the twin cannot be simulated in it.
     """
     times = np.arange(1 + int(motion.duration * RATE_HZ)) / RATE_HZ
-    hands = [values_at(each.times, each.positions, times)[:, None] + HAND_POINTS for each in motion.paths]
+    hands = [values_at(each.times, each.positions, times)[:, None] + motion.hand_points for each in motion.paths]
     holds = [
         each.holds[np.clip(np.searchsorted(each.times, times, side="right") - 1, 0, len(each.times) - 1)]
         for each in motion.paths
     ]
-    held = np.repeat(np.stack(holds, axis=1), len(HAND_POINTS), axis=1)
+    held = np.repeat(np.stack(holds, axis=1), len(motion.hand_points), axis=1)
     centres = np.concatenate(hands, axis=1).astype(np.float32)
     controls = Controls(
         times=times, positions=centres, contact=np.where(held, ContactKind.HOLD, ContactKind.NONE).astype(np.uint8)

@@ -3,7 +3,6 @@
 import argparse
 import json
 
-import numpy as np
 import pytest
 
 from egophys_core.cli import experiment as command
@@ -11,16 +10,15 @@ from egophys_core.diagnosis.diagnosis import Outcome, save_diagnosis
 from egophys_core.errors import DiscrepancyError, OutputError, TwinError
 from egophys_core.experiments import choice
 from egophys_core.plan_file import read_plan
-from egophys_core.twin import Provenance, Twin, save_twin
+from egophys_core.twin import save_twin
 from tests.diagnosis.findings import make_decision, make_diagnosis
 from tests.effects.situations import sheet
+from tests.experiments.twins import twin_of
 
 
 @pytest.fixture
 def twin_file(tmp_path):
-    provenance = Provenance(episodes=(), settings={}, seed=0, code_version="", scores={})
-    twin = Twin(model=sheet(), grasp=np.zeros((0, 3), np.float32), ground_height=0.0, provenance=provenance)
-    save_twin(twin, tmp_path / "sheet.twin")
+    save_twin(twin_of(sheet()), tmp_path / "sheet.twin")
     return tmp_path / "sheet.twin"
 
 

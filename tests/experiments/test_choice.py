@@ -12,23 +12,20 @@ from egophys_core.experiments.choice import together
 from egophys_core.experiments.prediction import predicted_episode
 from egophys_core.experiments.sensitivity import limits_in
 from egophys_core.simulation import ContactKind
-from egophys_core.twin import Provenance, Twin
 from tests.effects.situations import sheet
+from tests.experiments.twins import twin_of
 
 DRAG = DetectionLimit(effect="quadratic_drag", parameter="coefficient", unit="1/m", null=0.0, size=4.0, alike=())
 GRAVITY = DetectionLimit(effect="gravity_scale", parameter="scale", unit="1", null=1.0, size=0.2, alike=())
-
-
-def twin():
-    provenance = Provenance(episodes=(), settings={}, seed=0, code_version="", scores={})
-    return Twin(model=sheet(), grasp=np.zeros((0, 3), np.float32), ground_height=0.0, provenance=provenance)
 
 
 def chosen(monkeypatch, shown, **options):
     """What is chosen where motions show what `shown` says, by name, and the others nothing."""
     monkeypatch.setattr(choice, "predicted_episode", lambda model, motion, **rest: motion)
     monkeypatch.setattr(choice, "limits_in", lambda model, motion, effects, **rest: shown.get(motion.name, ()))
-    found = choose(twin(), ["quadratic_drag", "gravity_scale"], PERSON, needed_gain=50.0, least_scale=1e-3, **options)
+    found = choose(
+        twin_of(sheet()), ["quadratic_drag", "gravity_scale"], PERSON, needed_gain=50.0, least_scale=1e-3, **options
+    )
     return [each.motion.name for each in found]
 
 
@@ -74,11 +71,11 @@ def test_a_twin_that_can_be_simulated_in_no_motion_is_refused(monkeypatch):
 
     monkeypatch.setattr(choice, "predicted_episode", fail)
     with pytest.raises(PlanningError, match="none of the motions"):
-        choose(twin(), ["quadratic_drag"], PERSON, needed_gain=50.0, least_scale=1e-3)
+        choose(twin_of(sheet()), ["quadratic_drag"], PERSON, needed_gain=50.0, least_scale=1e-3)
 
 
 def test_a_motion_is_predicted_as_it_would_be_recorded():
-    motion = next(each for each in motions_for(sheet(), PERSON, ground_height=0.0) if "drop, two" in each.name)
+    motion = next(each for each in motions_for(twin_of(sheet()), PERSON) if "drop, two" in each.name)
     episode = predicted_episode(sheet(), motion, ground_height=0.0)
     assert episode.contact is not None
     held = np.flatnonzero(episode.contact.all(axis=1))
@@ -89,9 +86,28 @@ def test_a_motion_is_predicted_as_it_would_be_recorded():
     assert heights[-1] < heights[held[-1]] - 0.03
 
 
+def test_what_hangs_in_a_hand_is_swung_by_it_and_never_near_a_table():
+    flat = sheet()
+    nodes = flat.graph.positions
+    hanging = np.column_stack([nodes[:, 0], np.zeros(len(nodes)), nodes[:, 1]]).astype(np.float32)
+    model = replace(flat, graph=replace(flat.graph, positions=hanging))
+    top = hanging[hanging[:, 2] > hanging[:, 2].max() - 1e-3]
+    twin = twin_of(model, grasp=top[[0, -1]], ground_height=-10.0)
+    motions = motions_for(twin, PERSON)
+    assert {len(each.paths) for each in motions} == {1}
+    assert not any("lift" in each.sentence or "drag" in each.name for each in motions)
+    swing = next(each for each in motions if each.name.startswith("hang and swing"))
+    episode = predicted_episode(model, swing, ground_height=-10.0)
+    assert episode.contact is not None
+    assert episode.contact.all()
+    aside = np.ptp(episode.controllers, axis=0)
+    assert aside[:, 1].min() > 0.05
+    assert aside[:, [0, 2]].max() < 1e-3
+
+
 def test_a_swing_shows_drag_at_a_smaller_size_than_a_slow_drag_over_the_table():
     model, found = sheet(), {}
-    for motion in motions_for(model, HandLimits(hands=2, fastest_m_s=1.2, highest_m=0.6), ground_height=0.0):
+    for motion in motions_for(twin_of(model), HandLimits(hands=2, fastest_m_s=1.2, highest_m=0.6)):
         if motion.name in ("hang and swing at 1.5 Hz, two hands", "drag slowly, two hands"):
             episode = predicted_episode(model, motion, ground_height=0.0)
             limit, *_ = limits_in(model, episode, ["quadratic_drag"], needed_gain=50.0, least_scale=1e-3)

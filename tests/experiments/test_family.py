@@ -12,6 +12,7 @@ from egophys_core.experiments.hand_path import plan_of_path
 from egophys_core.experiments.places import places_to_hold
 from egophys_core.robot import MotionLimits, Transform, check_plan
 from tests.effects.situations import sheet, solid
+from tests.experiments.twins import twin_of
 
 ARM = HandLimits(hands=1, fastest_m_s=0.25, highest_m=0.45)
 
@@ -19,7 +20,7 @@ ARM = HandLimits(hands=1, fastest_m_s=0.25, highest_m=0.45)
 @pytest.mark.parametrize("body", [sheet, solid])
 @pytest.mark.parametrize("limits", [PERSON, ARM])
 def test_no_hand_is_faster_or_higher_than_allowed_nor_below_the_table(body, limits):
-    motions = motions_for(body(), limits, ground_height=0.0)
+    motions = motions_for(twin_of(body()), limits)
     assert len({each.name for each in motions}) == len(motions) >= 5
     for motion in motions:
         assert len(motion.paths) <= limits.hands
@@ -40,7 +41,7 @@ def test_an_arm_may_execute_all_that_is_written_for_it(body):
     reached = replace(model, graph=replace(model.graph, positions=nodes))
     own = MotionLimits()
     limits = HandLimits(hands=1, fastest_m_s=own.max_speed_m_s, highest_m=own.workspace_max_m[2])
-    for motion in motions_for(reached, limits, ground_height=0.0):
+    for motion in motions_for(twin_of(reached), limits):
         check_plan(plan_of_path(motion.paths[0], ""), own, Transform.identity())
 
 

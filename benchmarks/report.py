@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import tables, trust_tables
+from benchmarks.asked_table import asked_table
 from benchmarks.confusion import confusion_table
 from benchmarks.prior.page import prior_table
 from benchmarks.revisions import described, known_dates, revisions_in
@@ -25,6 +26,7 @@ TABLES: dict[str, tuple[str, Callable[[dict[str, Any], Mapping[str, str]], str]]
     "accuracy": ("physics", tables.accuracy_table),
     "diagnoses": ("diagnoses", tables.diagnoses_table),
     "injected": ("injected", confusion_table),
+    "asked": ("asked", asked_table),
     "beam": ("beam", tables.beam_table),
     "cable": ("cable", tables.cable_table),
     "measured": ("measured", tables.measured_table),

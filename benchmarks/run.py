@@ -9,7 +9,21 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks import beam, blind, cable, cost, effects, film, injected, measured, perception, physics, towel, trust
+from benchmarks import (
+    asked,
+    beam,
+    blind,
+    cable,
+    cost,
+    effects,
+    film,
+    injected,
+    measured,
+    perception,
+    physics,
+    towel,
+    trust,
+)
 from benchmarks.prior import tables as prior_tables
 from benchmarks.provenance import commit, machine
 from benchmarks.report import RESULTS, renew
@@ -22,6 +36,7 @@ BENCHMARKS: dict[str, Callable[[], dict[str, Any]]] = {
     "perception": perception.run,
     "film": film.run,
     "injected": injected.run,
+    "asked": asked.run,
     "diagnoses": blind.run,
     "beam": beam.run,
     "cable": cable.run,

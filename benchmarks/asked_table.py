@@ -1,0 +1,71 @@
+"""Diagnoses that may ask, as a table: what was said before and after asking, limits, and errors on another motion."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from benchmarks.tables import table
+
+Rows = list[dict[str, Any]]
+
+
+def asked_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
+    """Counts, and a row for each set."""
+    rows = result["rows"]
+    injected = [row for row in rows if row["effect"] != "none"]
+    nothing = [row for row in rows if row["effect"] == "none"]
+    header = (
+        "injected",
+        "size",
+        "in a",
+        "injected size",
+        "passive: said",
+        "limit",
+        "asked",
+        "said",
+        "limit",
+        "TE before, after (mm)",
+        "s",
+    )
+    lines = [
+        [
+            row["effect"],
+            row["size"],
+            row["object"],
+            _figure(row["planted"]),
+            _said(row["passive_outcome"], row["passive_named"]),
+            _figure(row["passive_limit"]),
+            "; ".join(row["motions"]) or "nothing",
+            _said(row["outcome"], row["named"]),
+            _figure(row["limit"]),
+            f"{1e3 * row['track_before_m']:.1f}, {1e3 * row['track_after_m']:.1f}",
+            f"{row['seconds']:.0f}",
+        ]
+        for row in (*injected, *nothing)
+    ]
+    return "\n\n".join([_counts(injected, nothing), table(header, lines)])
+
+
+def _counts(injected: Rows, nothing: Rows) -> str:
+    parts = []
+    for size in ("large", "small"):
+        own = [row for row in injected if row["size"] == size]
+        before, after = (sum(right(row, when) for row in own) for when in ("passive_", ""))
+        parts.append(f"{after} of {len(own)} {size} ones after asking ({before} before)")
+    invented = sum(bool(row["named"]) for row in nothing)
+    return (
+        f"Named right, or in a complete ambiguous set: {' and '.join(parts)}. Names invented in {invented} of "
+        f"{len(nothing)} sets without an effect."
+    )
+
+
+def right(row: Mapping[str, Any], when: str = "") -> bool:
+    """Whether what was injected is named, alone or among what cannot be told apart."""
+    return row["effect"] in row[f"{when}named"]
+
+
+def _said(outcome: str, named: list[str]) -> str:
+    return f"{outcome}: {', '.join(named)}" if named else outcome
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

@@ -26,6 +26,11 @@ from egophys_core.twin import ObjectModel
 ALIKE = 0.4
 """Share of an effect's size by which episodes may differ however small the errors: a twin is not that exact."""
 
+WOULD_SHOW = 45.0
+"""Loss of the change that an effect of its size makes in an episode, beside nothing else, from which that can speak for
+or against it; beside residuals of the usual size a third of it is left. In a slow pull a drag of 14 1/m changes next to
+nothing: it gained 1308 in a swing, and was refuted by what could not show it."""
+
 AGREEMENT = 2.5
 """Standard errors by which episodes may differ and still agree."""
 
@@ -48,7 +53,7 @@ class RefittedEffect:
     episode_gains: np.ndarray
     """[E] held-out gain in each episode when it was left out as a whole; nan with one episode."""
     validation_gains: np.ndarray
-    """[R] the effect's share of the gain in each episode that took no part in the fit, `validated`."""
+    """[R] the effect's share of the gain in each episode that was not fitted and would show it, `validated`."""
     parameters: dict[str, Estimate]
     episodes_agree: bool
 
@@ -116,7 +121,7 @@ def judge(
 def validated(
     effects: Sequence[RefittedEffect], before: Fitted, validation: Sequence[TrackedEpisode]
 ) -> list[RefittedEffect]:
-    """Effects with what they gain, as fitted, in episodes that took no part in the fit.
+    """Effects with what they gain, as fitted, in episodes that took no part in the fit, where these would show them.
 
     With an effect the baseline is another one, too, and what that is worth elsewhere is not the effect's doing. Of what
     both gain together the effect has its Shapley share: the mean of what it gains on its own baseline and on that
@@ -130,6 +135,10 @@ def validated(
     bare = [replace(each, effects=each.effects[:-1]) for each in joint]
     added = [replace(before.model, effects=(*before.model.effects, *each.effects[-1:])) for each in joint]
     found = residuals(validation, [before.model, *joint, *bare, *added])
+    count = len(effects)
+    shows = np.stack(
+        [_would_show(each[1 : 1 + count], each[1 + count : 1 + 2 * count], before.scale) for each in found], axis=1
+    )
     losses = np.array([cell_losses(each, before.scale).sum(axis=(1, 2)) for each in found]).reshape(len(found), -1)
     known, rest = losses[:, :1], losses[:, 1:].reshape(len(found), 3, -1)
     with_effect, without, elsewhere = (rest[:, kind] for kind in range(3))
@@ -138,7 +147,20 @@ def validated(
     # A baseline that diverges, without the effect or with the other's, says nothing of it.
     own, other = np.where(np.isfinite(own), own, other), np.where(np.isfinite(other), other, own)
     share = np.where(np.isfinite(with_effect), np.nan_to_num((own + other) / 2.0, posinf=0.0, neginf=0.0), -np.inf)
-    return [replace(each, validation_gains=gain) for each, gain in zip(effects, share.T, strict=True)]
+    return [
+        replace(each, validation_gains=gain[shown]) for each, gain, shown in zip(effects, share.T, shows, strict=True)
+    ]
+
+
+def _would_show(with_effects: np.ndarray, without: np.ndarray, scale: float) -> np.ndarray:
+    """[K] whether taking effects away changes residuals [K, B, Q, 3] of their twins clearly.
+
+    Where a twin diverges that is not known: it counts.
+    """
+    with np.errstate(invalid="ignore"):
+        change = np.where(np.isnan(with_effects), 0.0, without - with_effects)
+    diverged = ~np.isfinite(change).all(axis=(1, 2, 3))
+    return np.asarray(diverged | (cell_losses(change, scale).sum(axis=(1, 2)) >= WOULD_SHOW))
 
 
 def _by_block(problem: LinearProblem, values: np.ndarray) -> np.ndarray:

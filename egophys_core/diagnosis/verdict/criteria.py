@@ -89,7 +89,7 @@ def _asked_gain(candidate: RefittedEffect, setting: Setting) -> tuple[float, str
     left_out = candidate.episode_gains
     if len(left_out) >= thresholds.episodes_in_turn and bool((left_out > 0.0).all()):
         return thresholds.in_turn_gain, " as it gains in each of the motions when that is left out"
-    return thresholds.unvalidated_gain, " as no validation episode is left"
+    return thresholds.unvalidated_gain, " as no validation episode would show it"
 
 
 def gain_interval(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
@@ -108,7 +108,7 @@ def validation(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """It gains in the episodes that took no part in the fit, too."""
     name = "validation"
     if not len(candidate.validation_gains):
-        return not_asked(name, "gain in validation episodes: there are none")
+        return not_asked(name, "gain in validation episodes: there are none in which it would show")
     if effect_named(candidate.name).traits.is_event:
         return not_asked(name, "gain in validation episodes: not asked of what happens in some episodes only")
     thresholds = setting.thresholds

@@ -1,0 +1,61 @@
+"""`egophys diagnose --ask`: what it needs, and the world of a rehearsal in which motions are done."""
+
+import argparse
+import json
+
+import numpy as np
+import pytest
+
+from egophys_core.cli import diagnose, rehearse
+from egophys_core.cli.asking_arguments import add_hand_arguments, hands_of, rehearsed_world
+from egophys_core.errors import OptionsError
+from egophys_core.experiments import PERSON, HandMotion, Proposal
+from egophys_core.experiments.family import HAND_POINTS
+from egophys_core.experiments.hand_path import PathWriter
+from egophys_core.recording import read_episode
+from tests.effects.situations import sheet
+from tests.experiments.twins import twin_of
+
+
+def parsed_by(module, *arguments):
+    parser = argparse.ArgumentParser()
+    module.add_arguments(parser)
+    return parser.parse_args([str(each) for each in arguments])
+
+
+@pytest.mark.parametrize("given", [("--ask", "1"), ("--world", "lab"), ("--ask", "-1", "--world", "lab")])
+def test_how_often_to_ask_and_where_go_together(tmp_path, given):
+    with pytest.raises(OptionsError, match="--ask N and --world DIR go together"):
+        diagnose.run(parsed_by(diagnose, "t.twin", "lift", "--out", tmp_path / "d", *given))
+
+
+def test_hands_are_a_persons_or_those_of_an_arm_within_its_limits(tmp_path):
+    parser = argparse.ArgumentParser()
+    add_hand_arguments(parser)
+    (tmp_path / "arm.yaml").write_text("max_speed_m_s: 0.1\nworkspace_max_m: [0.6, 0.3, 0.35]\n")
+    assert hands_of(parser.parse_args([])) == PERSON
+    arm = hands_of(parser.parse_args(["--by", "arm", "--limits", str(tmp_path / "arm.yaml")]))
+    assert (arm.hands, arm.fastest_m_s, arm.highest_m) == (1, 0.1, 0.35)
+
+
+def test_a_motion_is_done_with_the_object_of_the_rehearsal_and_kept(tmp_path):
+    options = ("--motions", "lift", "--duration-s", "0.2", "--points", "40", "--effect", "gravity_scale")
+    rehearse.run(parsed_by(rehearse, "--out", tmp_path / "lab", *options))
+    rested = read_episode(tmp_path / "lab/episode_0").points[0]
+    writer = PathWriter(np.append(np.nanmean(rested, axis=0)[:2], 0.01))
+    writer.move([0.0, 0.0, 0.05], peak_speed=0.5)
+    motion = HandMotion(name="lift it", sentence="lift it", paths=(writer.path(),), hand_points=HAND_POINTS)
+    proposal = Proposal(motion=motion, score=1.0, before=(), after=())
+    world = rehearsed_world(tmp_path / "lab", twin_of(sheet()), tmp_path / "d_asked")
+    episode = world(proposal, 1)
+    kept = read_episode(tmp_path / "d_asked/motion_1/motion_1")
+    np.testing.assert_array_equal(kept.points, episode.points)
+    assert episode.times[-1] == pytest.approx(motion.duration, abs=0.1)
+    about = json.loads((tmp_path / "d_asked/motion_1/experiment.json").read_text())
+    assert about["motions"][0]["sentence"] == "lift it"
+    assert np.nanmean(episode.points[-1, :, 2]) > np.nanmean(episode.points[0, :, 2]) + 0.005
+
+
+def test_a_folder_that_is_no_rehearsal_is_no_world(tmp_path):
+    with pytest.raises(OptionsError, match="give a folder of `egophys rehearse`"):
+        rehearsed_world(tmp_path, twin_of(sheet()), tmp_path / "d_asked")

@@ -12,6 +12,7 @@ from unique_identifier_msgs.msg import UUID
 
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.twin import Twin, load_twin
+from egophys_twin.asked_world import AskedWorld
 from egophys_twin.build import NOT_KNOWN
 from egophys_twin.diagnosis import Diagnosed, DiagnosisRequest, run_diagnosis
 from egophys_twin.episode_parameters import SOURCE_GROUPS, episode_source, recorded_name
@@ -35,9 +36,12 @@ class DiagnosisServer(JobServer[DiagnosisRequest, Diagnosed]):
         """Serve `~/diagnose` and `~/start_diagnosis`; `twin_in_use` raises TwinError if there is none."""
         super().__init__(node, jobs, action_name="~/diagnose", service_name="~/start_diagnosis")
         self._twin_in_use = twin_in_use
+        self._arm = AskedWorld(node)
 
     def request_of(self, message: actions.DiagnoseTwin.Goal | services.DiagnoseTwin.Request) -> DiagnosisRequest:
         """The diagnosis that is asked for."""
+        if message.ask:
+            self._arm.require_bridge()
         options, *source = read_option_groups(self._node, (DIAGNOSIS_GROUP, *SOURCE_GROUPS), message.options_json)
         return DiagnosisRequest(
             twin=load_twin(Path(message.twin_path)) if message.twin_path else self._twin_in_use(),
@@ -50,11 +54,18 @@ class DiagnosisServer(JobServer[DiagnosisRequest, Diagnosed]):
             namespace=self._node.get_namespace(),
             loads=tuple(message.loads_n),
             executed_topic=recorded_name(self._node, "executed_topic"),
+            ask=message.ask,
         )
 
     def work(self, job_id: UUID, request: DiagnosisRequest, progress: OnProgress) -> Diagnosed:
-        """Diagnose."""
-        return run_diagnosis(request, progress=lambda stage, share: progress(stage, share, NOT_KNOWN))
+        """Diagnose, with motions of the arm where they are wanted."""
+        limits = self._arm.limits()
+        return run_diagnosis(
+            request,
+            world=self._arm.of(request.twin, limits) if request.ask else None,
+            limits=limits,
+            progress=lambda stage, share: progress(stage, share, NOT_KNOWN),
+        )
 
     def feedback(self, stage: str, share: float, loss: float) -> actions.DiagnoseTwin.Feedback:
         """Progress of a diagnosis."""
@@ -67,6 +78,7 @@ class DiagnosisServer(JobServer[DiagnosisRequest, Diagnosed]):
             "outcome": str(diagnosis.outcome),
             "effects": [effect.name for effect in diagnosis.effects],
             "episodes": [error.episode for error in diagnosis.error],
+            "asked": list(made.asked),
             "diagnosis_json": made.content,
             **{name: [getattr(error, name) for error in diagnosis.error] for name in ERRORS},
         }

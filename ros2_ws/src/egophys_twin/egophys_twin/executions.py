@@ -29,9 +29,12 @@ from egophys_core.waypoint_plan import NANOSECONDS
 EXECUTED_TOPIC = "/bridge_node/executed"
 """nav_msgs/Path of each plan that was executed, measured poses of the tool."""
 
+StampedRecord = tuple[int, Record]
+"""A message of the object's points: its header's stamp, nanoseconds since the epoch, and how it was recorded."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class ToolPath:
+class MeasuredPath:
     """Where the tool was while a plan was executed. Frame `world`."""
 
     stamps_ns: np.ndarray
@@ -47,6 +50,20 @@ class ToolPath:
         time = (stamp_ns - int(self.stamps_ns[0])) / NANOSECONDS
         position, rotation = PosesOverTime(times, self.positions, Rotation.from_quat(self.quaternions)).at(time)
         return np.asarray(rotation.apply(grasp.controllers) + position)
+
+    def until(self, seconds: float) -> "MeasuredPath":
+        """The part of its first seconds."""
+        part = self.stamps_ns <= self.stamps_ns[:1] + round(seconds * NANOSECONDS)
+        return MeasuredPath(
+            stamps_ns=self.stamps_ns[part], positions=self.positions[part], quaternions=self.quaternions[part]
+        )
+
+    def frames(self, seen: Sequence[StampedRecord]) -> list[StampedRecord]:
+        """What was seen meanwhile."""
+        if len(self.stamps_ns) < 2:
+            return []
+        first, last = self.stamps_ns[[0, -1]].tolist()
+        return [each for each in seen if first <= each[0] <= last]
 
 
 def has_executions(path: Path, executed_topic: str = EXECUTED_TOPIC) -> bool:
@@ -85,32 +102,80 @@ def execution_episodes(
         PlanningError: there are no points in `grasp`.
     """
     held = grasp_from_points(grasp)
-    tool_paths = [each for each in _tool_paths(path, executed_topic) if len(each.stamps_ns) > 1]
+    paths = [each for each in _measured_paths(path, executed_topic) if len(each.stamps_ns) > 1]
     seen = [
         (decode_points(record.cdr, source=f"{path} {object_topic}").stamp_ns, record)
         for record in read_records(path, (object_topic,))
     ]
-    episodes = []
-    for number, tool_path in enumerate(tool_paths, start=1):
-        first, last = tool_path.stamps_ns[[0, -1]].tolist()
-        frames = [(stamp, record) for stamp, record in seen if first <= stamp <= last]
-        if len(frames) > 1:
-            episodes.append(
-                decode_episode(
-                    [record for _, record in frames]
-                    + [_hand_record(stamp, tool_path.points_at(stamp, held)) for stamp, _ in frames],
-                    name=f"{path.resolve().name}_execution_{number}",
-                    object_topic=object_topic,
-                    controller_topic=CONTROLLER_TOPIC,
-                    ground_height=ground_height,
-                )
-            )
+    episodes = [
+        execution_episode(
+            measured,
+            frames,
+            held,
+            name=f"{path.resolve().name}_execution_{number}",
+            object_topic=object_topic,
+            ground_height=ground_height,
+        )
+        for number, measured in enumerate(paths, start=1)
+        if len(frames := measured.frames(seen)) > 1
+    ]
     if not episodes:
         raise EpisodeError(
-            f"{path}: no points on {object_topic} while one of {len(tool_paths)} plans was executed; "
+            f"{path}: no points on {object_topic} while one of {len(paths)} plans was executed; "
             "record that topic, with the observer running"
         )
     return episodes
+
+
+def execution_episode(
+    path: MeasuredPath,
+    frames: Sequence[StampedRecord],
+    held: Grasp,
+    *,
+    name: str,
+    object_topic: str,
+    ground_height: float,
+) -> Episode:
+    """What was seen while the tool went along a path, and the points that moved with it.
+
+    Args:
+        path: of the tool.
+        frames: of the object, with stamps within the path.
+        held: the points that move with the tool.
+        name: of the episode.
+        object_topic: of the frames.
+        ground_height: z of the table, metres.
+
+    Raises:
+        EpisodeError: they form no episode.
+    """
+    return decode_episode(
+        [record for _, record in frames] + [_hand_record(stamp, path.points_at(stamp, held)) for stamp, _ in frames],
+        name=name,
+        object_topic=object_topic,
+        controller_topic=CONTROLLER_TOPIC,
+        ground_height=ground_height,
+    )
+
+
+def measured_path(message: Any, *, source: str) -> MeasuredPath:
+    """The path in a nav_msgs/Path, a message object of rclpy or of rosbags.
+
+    Args:
+        message: of measured poses, stamped with the time of measurement.
+        source: where it came from, for error messages.
+
+    Raises:
+        EpisodeError: stamps that jump.
+    """
+    stamps = [each.header.stamp.sec * NANOSECONDS + each.header.stamp.nanosec for each in message.poses]
+    require_steady_stamps(stamps, source)
+    places = [(each.pose.position, each.pose.orientation) for each in message.poses]
+    return MeasuredPath(
+        stamps_ns=np.array(stamps, np.int64),
+        positions=np.array([[place.x, place.y, place.z] for place, _ in places]),
+        quaternions=np.array([[turn.x, turn.y, turn.z, turn.w] for _, turn in places]),
+    )
 
 
 def _hand_record(stamp_ns: int, points: np.ndarray) -> Record:
@@ -130,27 +195,13 @@ def _hand_record(stamp_ns: int, points: np.ndarray) -> Record:
     )
 
 
-def _tool_paths(path: Path, topic: str) -> Sequence[ToolPath]:
+def _measured_paths(path: Path, topic: str) -> list[MeasuredPath]:
     types = types_of_topics([each for each in list_topics(path) if each.name == topic])
-    found: list[ToolPath] = []
+    found: list[MeasuredPath] = []
     for record in read_records(path, (topic,)):
         try:
             message: Any = types.deserialize_cdr(record.cdr, record.type)
         except SerdeError as error:
             raise RecordingError(f"{path}: a message on {topic} is not readable: {error}") from error
-        stamps = [each.header.stamp.sec * NANOSECONDS + each.header.stamp.nanosec for each in message.poses]
-        require_steady_stamps(stamps, f"{path} {topic}, plan {len(found) + 1}")
-        places = [each.pose for each in message.poses]
-        found.append(
-            ToolPath(
-                stamps_ns=np.array(stamps, np.int64),
-                positions=np.array([[each.position.x, each.position.y, each.position.z] for each in places]),
-                quaternions=np.array(
-                    [
-                        [each.orientation.x, each.orientation.y, each.orientation.z, each.orientation.w]
-                        for each in places
-                    ]
-                ),
-            )
-        )
+        found.append(measured_path(message, source=f"{path} {topic}, plan {len(found) + 1}"))
     return found

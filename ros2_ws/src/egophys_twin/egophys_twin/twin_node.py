@@ -21,6 +21,7 @@ from egophys_core.identification import FitOptions
 from egophys_core.recording import xyz_of_message
 from egophys_core.twin import Twin, load_twin
 from egophys_core.waypoint_plan import plan_of_message
+from egophys_twin.asked_world import declare_arm
 from egophys_twin.build_server import BuildServer
 from egophys_twin.diagnosis_server import DIAGNOSIS_GROUP, DiagnosisServer
 from egophys_twin.episode_parameters import SOURCE_GROUPS, declare_source
@@ -44,6 +45,7 @@ class TwinNode(ManagedNode):
         for options, prefix in OPTION_GROUPS:
             declare_options(self, options, prefix, at_once=True)
         declare_source(self)
+        declare_arm(self)
         self._twin: Twin | None = None
         self._info = TwinInfo()
         self._topics: TwinTopics

@@ -13,11 +13,29 @@ def prior_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
     parts = {f"All {result['held_out_sequences']} held-out sequences": result["rows"]}
     parts |= {name.capitalize(): rows for name, rows in result["sets"].items()}
     cost = f"A rollout with the codebook costs {result['rollout_cost_ratio']:.2f} times one without."
-    return "\n\n".join([*(f"{name}:\n\n{_part(rows)}" for name, rows in parts.items() if rows), cost])
+    asked = "Asked more often than once a frame, and nodes that move otherwise than where it is asked in every substep:"
+    tables = [f"{name}:\n\n{_part(rows)}" for name, rows in parts.items() if rows]
+    return "\n\n".join([*tables, cost, asked, _rates(result["rates"])])
 
 
 def _part(rows: list[dict[str, Any]]) -> str:
     return table(COLUMNS, [_line(row) for row in rows])
+
+
+def _rates(rows: list[dict[str, Any]]) -> str:
+    return table(
+        ("asked a frame", "apart, mm", "the same cuts without codebook, mm", "s", "s without"),
+        [
+            [
+                str(row["asked_per_frame"]),
+                f"{row['codebook_apart_mm']:.2f}",
+                f"{row['uniform_apart_mm']:.2f}",
+                f"{row['codebook_seconds']:.1f}",
+                f"{row['uniform_seconds']:.1f}",
+            ]
+            for row in rows
+        ],
+    )
 
 
 def _line(row: dict[str, Any]) -> list[str]:

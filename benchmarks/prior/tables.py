@@ -22,6 +22,7 @@ from benchmarks.prior.measure import (
     read_rows,
     rollout_cost_ratio,
 )
+from benchmarks.prior.rate import rates
 from benchmarks.prior.sequences import Split
 from egophys_core.evaluation.baselines import BASELINES
 from egophys_core.prior import load_codebook
@@ -39,7 +40,8 @@ MODELS = (
     SEARCHED,
 )
 ERRORS = ("train_cd_m", "test_cd_m", "train_te_m", "test_te_m")
-COST_ITEMS = 4
+COST_ITEMS, RATE_ITEMS = 4, 2
+"""Items on which the cost of a rollout is measured, and what asking the codebook more often changes."""
 
 
 def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, rows: Path = ROWS) -> dict[str, Any]:
@@ -58,6 +60,7 @@ def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, r
         "sets": everything,
         "held_out_sequences": len(read_rows(held_out, COARSE, rows)),
         **rollout_cost_ratio(judged, codebook),
+        "rates": rates(judged[:RATE_ITEMS], codebook),
     }
 
 

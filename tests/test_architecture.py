@@ -57,7 +57,7 @@ MAY_USE: dict[str, set[str]] = {
         "identification",
         "reporting",
     },
-    "experiments": {"diagnosis", "effects", "kinds", "twin", "simulation", "reporting"},
+    "experiments": {"diagnosis", "observation", "effects", "kinds", "twin", "simulation", "reporting"},
     "planning": {"recording", "twin", "simulation", "evaluation", "observation"},
     "episode_source": {"recording", "perception"},
     "replay": {"recording", "twin", "identification", "planning"},

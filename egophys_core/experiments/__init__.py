@@ -1,14 +1,14 @@
 """Experiments: which motion of the hands would tell what recordings so far could not."""
 
-from egophys_core.experiments.asking import Answer, Asked, diagnose_and_ask
+from egophys_core.experiments.asking import Asked, Conclusion, diagnose_and_ask
 from egophys_core.experiments.choice import Proposal, choose
 from egophys_core.experiments.family import PERSON, HandLimits, HandMotion, motions_for
 from egophys_core.experiments.files import save_experiment
 
 __all__ = [
     "PERSON",
-    "Answer",
     "Asked",
+    "Conclusion",
     "HandLimits",
     "HandMotion",
     "Proposal",

@@ -34,7 +34,7 @@ class Asked:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class Conclusion:
     """How the loop ended."""
 
     finding: Finding
@@ -58,7 +58,7 @@ def diagnose_and_ask(
     without: Sequence[str] = (),
     seed: int = 0,
     progress: Progress = lambda stage, share: None,
-) -> Answer:
+) -> Conclusion:
     """Diagnose, and as long as that does not decide ask for a motion and diagnose again.
 
     Of the recordings those that were asked for come first, and the last third of all is not fitted: so what is named
@@ -100,7 +100,7 @@ def diagnose_and_ask(
                 asked.append(Asked(proposal=proposal, before=finding))
                 recorded.insert(0, world(proposal, len(asked)))
                 finding = look(2 * len(asked))
-    return Answer(finding=finding, asked=tuple(asked), ended=ended)
+    return Conclusion(finding=finding, asked=tuple(asked), ended=ended)
 
 
 def is_decided(finding: Finding) -> bool:

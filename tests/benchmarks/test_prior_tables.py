@@ -43,7 +43,21 @@ def test_the_page_shows_every_model_that_was_measured(tmp_path):
     each = item("a")
     keep_scores(tmp_path, each, COARSE, errors(0.0123), 1.0)
     rows = tables.table([each], tmp_path)
-    result = {"rows": rows, "sets": {"paper": []}, "held_out_sequences": 1, "rollout_cost_ratio": 1.234}
+    result = {
+        "rows": rows,
+        "sets": {"paper": []},
+        "held_out_sequences": 1,
+        "rollout_cost_ratio": 1.234,
+        "rates": [
+            {
+                "asked_per_frame": 1,
+                "codebook_seconds": 1.0,
+                "codebook_apart_mm": 0.4,
+                "uniform_seconds": 0.5,
+                "uniform_apart_mm": 0.2,
+            }
+        ],
+    }
     page = prior_table(result, {})
     assert "| coarse anchor only | 1 | 10.0 | 12.3 ± - |" in page
     assert "costs 1.23 times" in page

@@ -38,7 +38,7 @@ def asked(monkeypatch) -> list[dict]:
             searches=(),
         )
 
-    monkeypatch.setattr("egophys_core.diagnosis.diagnose.diagnose", answer)
+    monkeypatch.setattr("egophys_core.experiments.asking.diagnose", answer)
     return calls
 
 

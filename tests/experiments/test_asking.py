@@ -15,7 +15,7 @@ from tests.diagnosis.findings import make_diagnosis, make_nothing_found
 DRAG = DetectionLimit(effect="quadratic_drag", parameter="coefficient", unit="1/m", null=0.0, size=4.0, alike=())
 
 
-class Lab:
+class MadeUpLab:
     """Diagnoses that end as they are told, and a world that counts."""
 
     def __init__(self, monkeypatch, *outcomes, score=1.0, refusal=None):
@@ -48,13 +48,13 @@ class Lab:
 
 
 def test_what_is_decided_is_not_asked_about(monkeypatch):
-    answer = Lab(monkeypatch, Outcome.NAMED).answer()
+    answer = MadeUpLab(monkeypatch, Outcome.NAMED).answer()
     assert answer.asked == ()
     assert answer.ended == "it is decided"
 
 
 def test_it_asks_until_it_is_decided_and_fits_what_it_asked_for_first(monkeypatch):
-    lab = Lab(monkeypatch, Outcome.NONE, Outcome.NONE, Outcome.NAMED)
+    lab = MadeUpLab(monkeypatch, Outcome.NONE, Outcome.NONE, Outcome.NAMED)
     answer = lab.answer(most=5)
     assert lab.diagnosed == [["lift", "pull"], ["asked 1", "lift", "pull"], ["asked 2", "asked 1", "lift", "pull"]]
     assert answer.finding.diagnosis.outcome is Outcome.NAMED
@@ -63,28 +63,28 @@ def test_it_asks_until_it_is_decided_and_fits_what_it_asked_for_first(monkeypatc
 
 
 def test_it_asks_no_oftener_than_allowed_and_nobody_without_a_world(monkeypatch):
-    answer = Lab(monkeypatch, Outcome.NONE, Outcome.NONE).answer(most=1)
+    answer = MadeUpLab(monkeypatch, Outcome.NONE, Outcome.NONE).answer(most=1)
     assert len(answer.asked) == 1
     assert "as many as allowed" in answer.ended
-    lab = Lab(monkeypatch, Outcome.NONE)
+    lab = MadeUpLab(monkeypatch, Outcome.NONE)
     lab.world = None
     assert lab.answer().asked == ()
 
 
 def test_a_motion_that_shows_little_more_is_not_asked_for(monkeypatch):
-    answer = Lab(monkeypatch, Outcome.NONE, score=0.01).answer()
+    answer = MadeUpLab(monkeypatch, Outcome.NONE, score=0.01).answer()
     assert answer.asked == ()
     assert "no motion" in answer.ended
 
 
 def test_what_cannot_be_moved_by_hands_is_said(monkeypatch):
-    answer = Lab(monkeypatch, Outcome.NONE, refusal="a rod is held in clamps").answer()
+    answer = MadeUpLab(monkeypatch, Outcome.NONE, refusal="a rod is held in clamps").answer()
     assert answer.asked == ()
     assert answer.ended == "a rod is held in clamps"
 
 
 def test_progress_never_goes_back(monkeypatch):
-    lab = Lab(monkeypatch, Outcome.NONE, Outcome.NONE, Outcome.NONE)
+    lab = MadeUpLab(monkeypatch, Outcome.NONE, Outcome.NONE, Outcome.NONE)
     reported = []
     diagnose = lab.diagnose
 

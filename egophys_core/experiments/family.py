@@ -178,10 +178,19 @@ def _lift(up: np.ndarray) -> str:
 
 
 def hang_and_swing(top: TableTop) -> Iterator[HandMotion]:
-    """Hang still, swing to and fro, hang still."""
+    """Hang still, swing out of the plane in which a sheet hangs, hang still."""
+    return _swings(top, top.axes[1], "hang and swing", "swing", "across its long side")
+
+
+def swing_along(top: TableTop) -> Iterator[HandMotion]:
+    """Swing what hangs within its plane, and up and down."""
+    for axis, how in ((top.axes[0], "sideways within its plane"), (np.array([0.0, 0.0, 1.0]), "up and down")):
+        yield from _swings(top, axis, f"swing {how}", "move", how)
+
+
+def _swings(top: TableTop, axis: np.ndarray, name: str, verb: str, how: str) -> Iterator[HandMotion]:
+    """Hang still, go to and fro along an axis [3], hang still; at each frequency at which that is wide enough."""
     fastest, up = top.limits.fastest_m_s, top.hanging
-    # Out of the plane in which a sheet hangs.
-    aside = top.axes[1]
     for frequency in FREQUENCIES_HZ:
         amplitude = min(WIDEST_SWING_M, 0.9 * fastest / (2.0 * np.pi * frequency))
         cycles = max(3, round(SWUNG_S * frequency))
@@ -193,14 +202,14 @@ def hang_and_swing(top: TableTop) -> Iterator[HandMotion]:
         ) -> None:
             hand.move(up, peak_speed=GENTLE * fastest)
             hand.wait(1.5)
-            hand.swing(aside, amplitude=amplitude, frequency=frequency, cycles=cycles)
+            hand.swing(axis, amplitude=amplitude, frequency=frequency, cycles=cycles)
             hand.wait(1.5)
 
         yield _motion(
             top,
-            f"hang and swing at {frequency:g} Hz",
-            f"{_lift(up)}let it hang still for 1.5 s, swing it {_centimetres(2 * amplitude)} to "
-            f"and fro across its long side, {cycles} times, {frequency:g} a second, and let it hang still for 1.5 s",
+            f"{name} at {frequency:g} Hz",
+            f"{_lift(up)}let it hang still for 1.5 s, {verb} it {_centimetres(2 * amplitude)} to "
+            f"and fro {how}, {cycles} times, {frequency:g} a second, and let it hang still for 1.5 s",
             write,
         )
 
@@ -292,37 +301,6 @@ def press_and_wait(top: TableTop) -> Iterator[HandMotion]:
         f"press it {100 * depth:.1f} cm down, wait for 2.5 s, come back up and wait for 2 s",
         write,
     )
-
-
-def swing_along(top: TableTop) -> Iterator[HandMotion]:
-    """Swing what hangs within its plane, and up and down."""
-    fastest = top.limits.fastest_m_s
-    for axis, how in ((top.axes[0], "sideways within its plane"), (np.array([0.0, 0.0, 1.0]), "up and down")):
-        for frequency in FREQUENCIES_HZ:
-            amplitude = min(WIDEST_SWING_M, 0.9 * fastest / (2.0 * np.pi * frequency))
-            cycles = max(3, round(SWUNG_S * frequency))
-            if amplitude < LEAST_SWING_M:
-                continue
-
-            def write(
-                hand: PathWriter,
-                _: float,
-                axis: np.ndarray = axis,
-                amplitude: float = amplitude,
-                frequency: float = frequency,
-                cycles: int = cycles,
-            ) -> None:
-                hand.wait(1.5)
-                hand.swing(axis, amplitude=amplitude, frequency=frequency, cycles=cycles)
-                hand.wait(1.5)
-
-            yield _motion(
-                top,
-                f"swing {how} at {frequency:g} Hz",
-                f"let it hang still for 1.5 s, move it {_centimetres(2 * amplitude)} to and fro {how}, {cycles} times, "
-                f"{frequency:g} a second, and let it hang still for 1.5 s",
-                write,
-            )
 
 
 FAMILY: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (

@@ -9,10 +9,8 @@ from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.diagnosis.direct.grip_fit import explained, gains
 from egophys_core.diagnosis.direct.grips import GripRecord, grips_of, held_displacements
 from egophys_core.diagnosis.direct.measured import Recordings
+from egophys_core.diagnosis.least_size import least_share
 from egophys_core.effects import Effect, effect_named
-
-FINEST = 1e-3
-"""Of the way from no effect to its bound: no smaller size is looked for."""
 
 NARROWINGS = 8
 """Bisections of a limit."""
@@ -79,14 +77,8 @@ def _least(
     needed: float,
 ) -> float | None:
     """How far off no effect towards a bound a size must be to gain what is needed; None where it does not do there."""
-    if _gain(grips, effect, size, end, known) < needed:
-        return None
-    low, high = np.log(FINEST), 0.0
-    for _ in range(NARROWINGS):
-        middle = (low + high) / 2.0
-        enough = _gain(grips, effect, size, end * float(np.exp(middle)), known) >= needed
-        low, high = (low, middle) if enough else (middle, high)
-    return abs(end) * float(np.exp(high))
+    share = least_share(lambda part: _gain(grips, effect, size, part * end, known), needed, narrowings=NARROWINGS)
+    return None if share is None else abs(end) * share
 
 
 def _gain(

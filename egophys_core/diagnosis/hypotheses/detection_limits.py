@@ -21,12 +21,10 @@ from egophys_core.diagnosis.evidence.linear_problem import (
 )
 from egophys_core.diagnosis.evidence.refit import CORRELATED, PRIOR_STEPS
 from egophys_core.diagnosis.hypotheses.ranking import Probe
+from egophys_core.diagnosis.least_size import least_share
 
 NARROWINGS = 7
-"""Bisections of a limit: from a range of `FINEST` to some percent."""
-
-FINEST = 1e-3
-"""Of the way from no effect to its bound: no smaller size is looked for."""
+"""Bisections of a limit: from a range of a thousand to some percent."""
 
 ALIKE_SHARE = 0.9
 """Of what an effect at its limit leaves in the residuals: what another takes up of it makes both look alike."""
@@ -102,16 +100,8 @@ def _least_steps_towards(
     problem: LinearProblem, columns: Columns, index: int, end: float, needed_gain: float
 ) -> float | None:
     """The same to one side, up to a bound; None where it does not gain that much there."""
-    if _gain_of(problem, columns, index, end) < needed_gain:
-        return None
-    low, high = np.log(FINEST), 0.0
-    for _ in range(NARROWINGS):
-        middle = (low + high) / 2.0
-        if _gain_of(problem, columns, index, end * float(np.exp(middle))) < needed_gain:
-            low = middle
-        else:
-            high = middle
-    return end * float(np.exp(high))
+    share = least_share(lambda part: _gain_of(problem, columns, index, part * end), needed_gain, narrowings=NARROWINGS)
+    return None if share is None else end * share
 
 
 def _gain_of(problem: LinearProblem, columns: Columns, index: int, steps: float) -> float:

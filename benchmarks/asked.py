@@ -120,7 +120,7 @@ def measure(case: AskedCase) -> dict[str, Any]:
         "passive_named": [each.name for each in first.effects],
         "limit": limit_of(diagnosis.limits, case.effect),
         "passive_limit": limit_of(first.limits, case.effect),
-        "planted": planted(case),
+        "planted": injected_size(case),
         "track_before_m": judged.track_before_m,
         "track_after_m": judged.track_after_m,
         "p_null": least_p(diagnosis),
@@ -139,7 +139,7 @@ def limit_of(limits: tuple[DetectionLimit, ...], effect: str) -> float | None:
     return max(known) if known and len(known) == len(own) else None
 
 
-def planted(case: AskedCase) -> float | None:
+def injected_size(case: AskedCase) -> float | None:
     """How far off no effect the injected one is: the length of all of its sizes together."""
     if case.effect == "none":
         return None

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from egophys_msgs.action import PlanToTarget
 from egophys_msgs.msg import WaypointPlan
 from egophys_msgs.srv import PlanAndExecute
@@ -98,6 +99,16 @@ def seen_plan(client, points):
     return wait_until(planned, 60, "a plan from where the object is")
 
 
+def wait_for_known_points(client):
+    """Until the planner says that it knows points by their ids; the object may then take any shape."""
+
+    def knows(message):
+        (status,) = message.status
+        return status.name == PLANNER and any("points known" in each.value for each in status.values)
+
+    client.message(DiagnosticArray, "/diagnostics", knows)
+
+
 def test_a_plan_begins_where_the_object_is_and_a_log_has_all_of_it(planner, client, twin, observer):
     wait_until(lambda: ask(client, start="twin").result.success, 30, "a plan from the twin's own shape")
     unseen = ask(client, start="present").result
@@ -107,6 +118,7 @@ def test_a_plan_begins_where_the_object_is_and_a_log_has_all_of_it(planner, clie
     lying = rest + np.float32([0.03, -0.04, 0.0])
     observer.points = lying
     first, nodes = seen_plan(client, lying)
+    wait_for_known_points(client)
     assert first.start == "present"
     grasp = first.plan.poses[1].position
     assert [grasp.x, grasp.y] == pytest.approx(twin.grasp.mean(axis=0)[:2] + [0.03, -0.04], abs=0.006)

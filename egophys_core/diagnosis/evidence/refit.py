@@ -5,7 +5,7 @@ log(1 + (e/s)^2) lets the former speak; squares would hear only the latter.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,7 +35,7 @@ PRIOR_STEPS = 10.0
 LEAST_GAIN = 0.5
 """Improvement of the loss below which a refit ends."""
 
-FINALISTS, TRIAL_STEPS = 3, 2
+FINALISTS, TRIAL_STEPS = 2, 2
 """Starts that are refitted, and by how many steps, before the best of them is refitted to the end."""
 
 
@@ -85,50 +85,69 @@ def refit(
     *,
     iterations: int,
     scale: float | None = None,
+    turns: bool = True,
 ) -> Fitted:
     """Adjust parameters until the residuals are least.
 
     Args:
         scale: s of the loss, metres; by default from the residuals at the start.
+        turns: as in `refit_further`.
     """
     parameters = tuple(parameters)
-    found, jacobian = linearised(observations, model, parameters)
+    neighbours, steps = _neighbours(observations, model, parameters)
+    results = residuals(observations, [model, *neighbours])
+    found = [each[0] for each in results]
     scale = scale or residual_scale(observations, found)
-    start = Fitted(model=model, residuals=found, jacobian=jacobian, parameters=parameters, scale=scale)
-    return refit_further(observations, start, iterations=iterations)
-
-
-def refit_further(observations: Sequence[TrackedEpisode], fitted: Fitted, *, iterations: int) -> Fitted:
-    """Go on from the end of a refit, which is a start like any other: the prior is about it."""
-    model, found, jacobian, parameters, scale = (
-        fitted.model,
-        fitted.residuals,
-        fitted.jacobian,
-        fitted.parameters,
-        fitted.scale,
+    start = Fitted(
+        model=model,
+        residuals=found,
+        jacobian=_slopes(found, [each[1:] for each in results], steps),
+        parameters=parameters,
+        scale=scale,
     )
-    start = np.array([parameter.position(model) for parameter in parameters])
-    here = start.copy()
+    return refit_further(observations, start, iterations=iterations, turns=turns)
+
+
+def refit_further(
+    observations: Sequence[TrackedEpisode], fitted: Fitted, *, iterations: int, turns: bool = True
+) -> Fitted:
+    """Go on from the end of a refit, which is a start like any other: the prior is about it.
+
+    Args:
+        turns: whether, where no step along slopes helps, each parameter alone is tried before the refit ends.
+    """
+    parameters, scale = fitted.parameters, fitted.scale
+    start = np.array([parameter.position(fitted.model) for parameter in parameters])
+
+    def points(models: Sequence[ObjectModel], results: Sequence[np.ndarray]) -> list[_Point]:
+        found = []
+        for row, model in enumerate(models):
+            position = np.array([parameter.position(model) for parameter in parameters])
+            own = [each[row] for each in results]
+            score = _objective(own, scale, position - start)
+            found.append(_Point(model=model, position=position, residuals=own, score=score))
+        return found
+
+    def tried(steps: Sequence[np.ndarray]) -> list[_Point]:
+        models = [with_values(here.model, parameters, here.position + step) for step in steps]
+        return points(models, residuals(observations, models))
+
+    (here,) = points([fitted.model], [each[None] for each in fitted.residuals])
+    jacobian, nearby = fitted.jacobian, list[_Point]()
     for _ in range(iterations):
-        steps = [_step(found, jacobian, scale, here - start, damping) for damping in LM_DAMPINGS]
-        along = [*steps, *(LONGER * each for each in steps[:LONG_STEPS])]
-        across = [sign * ACROSS * each for each in np.eye(len(parameters)) for sign in (-1.0, 1.0)]
-        enough = _objective(found, scale, here - start) - LEAST_GAIN
-        for group in (along, across):
-            trials = [with_values(model, parameters, here + step) for step in group]
-            positions = [np.array([parameter.position(trial) for parameter in parameters]) for trial in trials]
-            results = residuals(observations, trials)
-            scores = [
-                _objective([each[row] for each in results], scale, positions[row] - start) for row in range(len(group))
-            ]
-            best = int(np.argmin(scores))
-            if scores[best] < enough:
-                break
-        else:
+        steps = [_step(here.residuals, jacobian, scale, here.position - start, damping) for damping in LM_DAMPINGS]
+        enough = here.score - LEAST_GAIN
+        # A neighbour that was simulated for the slopes may be better than what they predict.
+        best = min([*tried([*steps, *(LONGER * each for each in steps[:LONG_STEPS])]), *nearby], key=_score)
+        if turns and best.score >= enough:
+            best = min(tried([sign * ACROSS * each for each in np.eye(len(start)) for sign in (-1.0, 1.0)]), key=_score)
+        if best.score >= enough:
             break
-        model, here = trials[best], positions[best]
-        found, jacobian = linearised(observations, model, parameters)
-    return Fitted(model=model, residuals=found, jacobian=jacobian, parameters=parameters, scale=scale)
+        here = best
+        neighbours, apart = _neighbours(observations, here.model, parameters)
+        results = residuals(observations, neighbours)
+        jacobian, nearby = _slopes(here.residuals, results, apart), points(neighbours, results)
+    return replace(fitted, model=here.model, residuals=here.residuals, jacobian=jacobian)
 
 
 def refit_from(
@@ -138,18 +157,42 @@ def refit_from(
     *,
     scale: float,
     iterations: int,
+    hopeless: float = np.inf,
+    finalists: int = FINALISTS,
 ) -> Fitted:
     """The refit from the best of the first few starts.
 
     Args:
-        starts: the best first; of `FINALISTS` of them the one that is best after some steps is refitted to the end.
+        starts: the best first.
         iterations: most steps from start to end.
+        hopeless: a loss; where the best of the first steps leave more, the refit ends with them.
+        finalists: of so many starts the one that is best after some steps is refitted to the end.
     """
     trials = [
-        refit(observations, start, parameters, iterations=TRIAL_STEPS, scale=scale) for start in starts[:FINALISTS]
+        refit(observations, start, parameters, iterations=TRIAL_STEPS, scale=scale, turns=False)
+        for start in starts[:finalists]
     ]
     best = min(trials, key=lambda each: each.loss)
+    if best.loss > hopeless:
+        return best
     return refit_further(observations, best, iterations=max(0, iterations - TRIAL_STEPS))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Point:
+    """A model that was simulated."""
+
+    model: ObjectModel
+    position: np.ndarray
+    """[D] of its parameters, in steps."""
+    residuals: list[np.ndarray]
+    """Per episode [B, Q, 3] metres."""
+    score: float
+    """What a refit makes least."""
+
+
+def _score(point: _Point) -> float:
+    return point.score
 
 
 def _objective(found: Sequence[np.ndarray], scale: float, moved: np.ndarray) -> float:
@@ -162,10 +205,10 @@ def secant_of(observations: Sequence[TrackedEpisode]) -> float:
     return SECANT_OF_FREE_ROLLOUTS if all(each.free for each in observations) else 1.0
 
 
-def linearised(
+def _neighbours(
     observations: Sequence[TrackedEpisode], model: ObjectModel, parameters: Sequence[FreeParameter]
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Residuals [B, Q, 3] of each episode at a model, and their change [B, Q, 3, D] per step of each parameter."""
+) -> tuple[list[ObjectModel], list[float]]:
+    """The model with each parameter moved alone, and by how many steps."""
     secant = secant_of(observations)
     neighbours, steps = [], []
     for parameter in parameters:
@@ -175,16 +218,19 @@ def linearised(
         there = ahead if abs(parameter.position(ahead) - at) > 0.1 * secant else parameter.to(model, at - secant)
         neighbours.append(there)
         steps.append(parameter.position(there) - at)
-    results = residuals(observations, [model, *neighbours])
-    return (
-        [each[0] for each in results],
-        [
-            np.stack([(row - each[0]) / step for row, step in zip(each[1:], steps, strict=True)], axis=-1)
-            if len(steps)
-            else np.zeros((*each[0].shape, 0))
-            for each in results
-        ],
-    )
+    return neighbours, steps
+
+
+def _slopes(
+    found: Sequence[np.ndarray], of_neighbours: Sequence[np.ndarray], steps: Sequence[float]
+) -> list[np.ndarray]:
+    """Per episode [B, Q, 3, D]: change of the residuals [B, Q, 3] to those of neighbours [D, B, Q, 3], per step."""
+    return [
+        np.stack([(there - here) / step for there, step in zip(rows, steps, strict=True)], axis=-1)
+        if len(steps)
+        else np.zeros((*here.shape, 0))
+        for here, rows in zip(found, of_neighbours, strict=True)
+    ]
 
 
 def _step(

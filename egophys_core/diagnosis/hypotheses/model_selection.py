@@ -8,6 +8,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameters, effect_values
+from egophys_core.diagnosis.evidence.judging import gain_on_left_out_data
+from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.refit import Fitted, refit_from
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.diagnosis.hypotheses.starts import starts_beside, starts_from_rival
@@ -18,6 +20,16 @@ from egophys_core.twin import ObjectModel
 
 MOST_CONFOUNDERS = 2
 """Effects beyond the shortlist that are refitted as confounders of the best of it."""
+
+HOPE = 0.5
+"""Share of the gain that is needed to be named, or of the best effect's, that the first steps of a refit must find, or
+it ends with them. What gains less than half of another is no rival of it."""
+
+NEARLY = 0.6
+"""Share of the gain that is needed to be named from which the best effect has its rivals refitted."""
+
+RELIEVED = 3
+"""Starts of the last refit without an effect; of an unnamed one in a sheet the third led 11 lower than the first two."""
 
 WORTH_ANOTHER = 0.3
 """Share of the best effect's gain from which its confounder is refitted from where the best one led, too."""
@@ -57,17 +69,21 @@ def select_models(
         far: by name, twins with an effect at which its refit may start as well.
     """
     observations, scale, iterations = problem.observations, before.scale, problem.options.refit_iterations
+    needed = problem.thresholds.gain_alone(fitted=len(observations), validated=bool(problem.validation))
+    without = linear_problem(before.residuals, before.jacobian, scale)
     fits: dict[str, Fitted] = {}
+    gains: dict[str, float] = {}
 
-    def refit_with(name: str, starts: Sequence[ObjectModel]) -> Fitted:
+    def refit_with(name: str, starts: Sequence[ObjectModel]) -> None:
         parameters = (*before.parameters, *effect_parameters(effect_named(name)))
-        return refit_from(observations, starts, parameters, scale=scale, iterations=iterations)
+        hope = HOPE * max([needed, *gains.values()])
+        fits[name] = refit_from(
+            observations, starts, parameters, scale=scale, iterations=iterations, hopeless=before.loss - hope
+        )
+        gains[name] = gain_on_left_out_data(fits[name], before, without)
 
-    def gain(name: str) -> float:
-        return before.loss - fits[name].loss
-
-    def gains() -> dict[str, float]:
-        return {name: gain(name) for name in fits}
+    def leader() -> str:
+        return max(gains, key=lambda name: gains[name])
 
     def own_starts(name: str) -> list[ObjectModel]:
         if name in earlier:
@@ -76,27 +92,28 @@ def select_models(
 
     for index, name in enumerate(chosen):
         progress(f"refit with {name}", 0.5 * index / len(chosen))
-        fits[name] = refit_with(name, own_starts(name))
-    best = max(fits, key=gain, default="")
-    if best and gain(best) >= problem.thresholds.least_gain:
+        refit_with(name, own_starts(name))
+    if gains and gains[best := leader()] >= NEARLY * needed:
         for name in [each for each in reserve if each in effect_named(best).traits.confounders][:MOST_CONFOUNDERS]:
             progress(f"refit with {name}", 0.5)
-            fits[name] = refit_with(name, own_starts(name))
+            refit_with(name, own_starts(name))
         had = set(earlier)
         in_the_air = observations[0].free
-        while again := _again(best := max(fits, key=gain), gains(), in_the_air) & effects.keys() - had:
+        while again := _again(best := leader(), gains, in_the_air) & effects.keys() - had:
             had |= again
             for name in sorted(again):
                 progress(f"refit with {name} from where {best} led", 0.7)
                 ends = [fits[name].model] if name in fits else []
                 values = effect_values(ends[0], name) if ends else effects[name].values
                 starts = starts_from_rival(observations, effects[name], values, fits[best].model, scale)
-                fits[name] = refit_with(name, [*ends, *starts])
+                refit_with(name, [*ends, *starts])
     if fits:
         progress("refit without an effect from where effects led", 0.9)
-        led = [fits[name].model for name in sorted(fits, key=gain, reverse=True)]
-        starts = [replace(model, effects=model.effects[:-1]) for model in led]
-        relieved = refit_from(observations, starts, before.parameters, scale=scale, iterations=iterations)
+        led = sorted(fits.values(), key=lambda each: each.loss)
+        starts = [replace(each.model, effects=each.model.effects[:-1]) for each in led]
+        relieved = refit_from(
+            observations, starts, before.parameters, scale=scale, iterations=iterations, finalists=RELIEVED
+        )
         before = min(before, relieved, key=lambda each: each.loss)
     return ModelSelection(before=before, fits=fits)
 

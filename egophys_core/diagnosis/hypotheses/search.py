@@ -14,7 +14,7 @@ from egophys_core.diagnosis.hypotheses.large_amplitude import (
     large_amplitude_gains,
     probe_at_large_amplitude,
 )
-from egophys_core.diagnosis.hypotheses.model_selection import select_models
+from egophys_core.diagnosis.hypotheses.model_selection import NEARLY, select_models
 from egophys_core.diagnosis.hypotheses.ranking import Probe, RankedEffect, Ranking, probe_effects, rank
 from egophys_core.diagnosis.hypotheses.rod_starts import RodStart, rod_starts
 from egophys_core.diagnosis.options import DiagnosisOptions
@@ -208,8 +208,12 @@ def _on_scale(
         judge(name, fitted, before, linear, bootstraps=options.bootstraps, seed=problem.seed)
         for name, fitted in ended.fits.items()
     ]
-    if problem.validation and refitted:
-        refitted = validated(refitted, before, problem.validation)
+    best = max((each.gain for each in refitted), default=0.0)
+    if problem.validation and best >= NEARLY * thresholds.least_gain:
+        chosen_gain = thresholds.special_case_share * best
+        rivals = [each for each in refitted if each.gain >= chosen_gain]
+        rest = [each for each in refitted if each.gain < chosen_gain]
+        refitted = [*validated(rivals, before, problem.validation), *rest]
     p_null = {each.name: ranking.p_null(each.gain) for each in refitted}
     verdict = decide(
         refitted,

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.diagnosis.evidence.judging import validated
 from egophys_core.diagnosis.evidence.refit import refit
 from egophys_core.diagnosis.evidence.residuals import observe
@@ -39,3 +39,12 @@ def test_its_reverse_loses(gains):
 
 def test_an_episode_that_would_not_show_an_effect_says_nothing_of_it(gains):
     assert gains[2].shape == (0,)
+
+
+def test_a_baseline_that_fits_other_motions_only_refutes_nothing():
+    held_out = [observe(sheet(), episodes(WIND)[1])]
+    stiff = replace(sheet(), stiffness=4.0 * sheet().stiffness)
+    before = refit(held_out, stiff, baseline_parameters(sheet()), iterations=0, scale=1e-3)
+    bent = replace(before, model=with_effect(stiff, WIND.name, dict(WIND.values)))
+    (effect,) = validated([judged("quadratic_drag", 100.0, fitted=bent)], replace(before, model=sheet()), held_out)
+    assert effect.validation_gains[0] > 50.0

@@ -9,7 +9,7 @@ from egophys_core.diagnosis.evidence.fitted_parameters import (
     effect_values,
     with_effect,
 )
-from egophys_core.diagnosis.evidence.refit import refit, robust_loss
+from egophys_core.diagnosis.evidence.refit import refit, refit_from, robust_loss
 from egophys_core.diagnosis.evidence.residuals import observe, residuals
 from egophys_core.effects import LIBRARY
 from tests.diagnosis.cantilever import body_and_model
@@ -42,6 +42,17 @@ def test_a_refit_never_ends_worse_than_it_began():
     assert fitted.loss <= robust_loss(start, fitted.scale) + 1e-6
     assert [each.shape[-1] for each in fitted.jacobian] == [len(baseline_parameters(sheet()))] * 2
     assert np.isfinite(fitted.jacobian[0]).any()
+
+
+def test_a_refit_without_hope_ends_after_its_first_steps():
+    observations = [observe(sheet(), episodes(WIND)[0])]
+    parameters = effect_parameters(LIBRARY[WIND.name])
+    starts = [with_effect(sheet(), WIND.name, {"x": 0.0, "y": 0.0, "z": at}) for at in (6.0, 8.0)]
+    ends = [
+        refit_from(observations, starts, parameters, scale=1e-3, iterations=6, hopeless=loss).loss
+        for loss in (0.0, np.inf)
+    ]
+    assert ends[1] < ends[0]
 
 
 def test_only_cloth_may_give_way_when_it_is_pressed():

@@ -29,7 +29,7 @@ NEARLY = 0.6
 """Share of the gain that is needed to be named from which the best effect has its rivals refitted."""
 
 RELIEVED = 3
-"""Starts of the last refit without an effect; of an unnamed one in a sheet the third led 11 lower than the first two."""
+"""Starts of the last refit without an effect; in a sheet the third of them ended 11 lower than the first two."""
 
 WORTH_ANOTHER = 0.3
 """Share of the best effect's gain from which its confounder is refitted from where the best one led, too."""

@@ -23,6 +23,13 @@ class Report(Protocol):
         """Show progress."""
 
 
+class _Output(Console):
+    """Standard output, where nobody reads it any more as for `print`: rich would exit with 1, which is a finding."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
 @contextmanager
 def progress_bar() -> Iterator[Report]:
     """A bar in a terminal, nothing elsewhere."""
@@ -49,7 +56,7 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
         table.add_column(name, justify="right" if index else "left")
     for row in rows:
         table.add_row(*row)
-    Console().print(table)
+    _Output().print(table)
 
 
 def print_remarks(title: str, remarks: "Sequence[Remark]") -> None:
@@ -60,7 +67,7 @@ def print_remarks(title: str, remarks: "Sequence[Remark]") -> None:
     colours = {"ok": "green", "doubtful": "yellow", "bad": "red"}
     for each in remarks:
         table.add_row(each.name, f"[{colours[each.level]}]{each.level}[/]", each.text)
-    Console().print(table)
+    _Output().print(table)
     for each in remarks:
         if each.advice:
             print(f"{each.name}: {each.advice}")

@@ -8,6 +8,7 @@ import argparse
 import difflib
 import importlib
 import keyword
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -42,7 +43,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand.
 
     Returns:
-        0 good, 1 a finding (a replay that differs), 2 bad input, 130 stopped by Ctrl-C.
+        0 good, 1 a finding (a replay that differs), 2 bad input, 130 stopped by Ctrl-C, 141 nobody reads the output any
+        more, as after `| head`.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     # No option stands before the subcommand but --help and --version, which have no values.
@@ -50,13 +52,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parsed = make_parser(command).parse_args(words)
     warnings.showwarning = _show_warning
     try:
-        return int(parsed.run(parsed))
+        code = int(parsed.run(parsed))
+        sys.stdout.flush()
+        return code
     except EgophysError as error:
         print(f"egophys {parsed.command}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"egophys {parsed.command}: stopped; nothing was written", file=sys.stderr)
         return 130
+    except BrokenPipeError:
+        # Python writes what is left once more as it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
 
 
 def make_parser(command: str) -> argparse.ArgumentParser:

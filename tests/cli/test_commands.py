@@ -16,7 +16,7 @@ import pytest
 import egophys_core.cli
 from egophys_core import __version__
 from egophys_core.cli import import_ as import_command
-from egophys_core.cli.main import SUBCOMMANDS, module_name
+from egophys_core.cli.main import SUBCOMMANDS, main, module_name
 from egophys_core.identification import FitOptions, build, coarse
 from egophys_core.plan_file import read_plan
 from egophys_core.recording import read_episode
@@ -208,6 +208,15 @@ def test_info_of_a_twin(egophys, egophys_json, twin_file):
     code, out, _ = egophys("info", twin_file)
     assert code == 0
     assert twin.twin_id in out
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]], ids=["table", "json"])
+def test_output_that_nobody_reads_ends_the_command_quietly(twin_file, monkeypatch, form):
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "w") as output:
+        monkeypatch.setattr("sys.stdout", output)
+        assert main(["info", str(twin_file), *form]) == 141
 
 
 def test_info_of_a_bag(egophys, egophys_json, episode_bag):

@@ -170,7 +170,7 @@ def _searched(search: Search) -> dict[str, Any]:
                 "gain_ci95": each.gain_ci95,
                 "episode_gains": each.episode_gains.tolist(),
                 "validation_gains": each.validation_gains.tolist(),
-                "p_null": search.ranking.p_null(each.gain),
+                "share_of_surrogates": search.ranking.share_of_surrogates(each.gain),
                 "parameters": {name: asdict(estimate) for name, estimate in each.parameters.items()},
                 "episodes_agree": each.episodes_agree,
             }

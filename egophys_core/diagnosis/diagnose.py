@@ -32,6 +32,7 @@ from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.explain import explain
+from egophys_core.diagnosis.verdict.null_gains import p_null
 from egophys_core.diagnosis.verdict.thresholds import thresholds_for
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
@@ -323,7 +324,7 @@ def _candidates(first: Search, measured: Sequence[MeasuredEffect]) -> tuple[Cand
             Candidate(
                 name=name,
                 held_out_gain=gain,
-                p_null=ranking.p_null(gain),
+                p_null=p_null(gain),
                 fitted_gain=each.fitted_gain,
                 validation_gain=float(each.validation_gains.sum())
                 if isinstance(each, RefittedEffect) and len(each.validation_gains)

@@ -60,7 +60,8 @@ class Candidate:
     """Log-likelihood gain on blocks and episodes that were not fitted, over the same refit without the effect;
     of what was measured directly, on grips or sheets at rest that were not fitted."""
     p_null: float
-    """Share of surrogates, regressors shifted in time, that gain as much: the largest over all candidates counts."""
+    """Share of rehearsed sets without an effect in which some effect gains as much (`verdict/null_gains.py`); of what
+    was measured directly, share of surrogates."""
     fitted_gain: float
     """Log-likelihood gain on what was fitted."""
     validation_gain: float | None

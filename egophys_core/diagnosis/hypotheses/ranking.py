@@ -100,7 +100,7 @@ class Ranking:
     chance: np.ndarray
     """[S] held-out gain of each surrogate, the largest over effects."""
 
-    def p_null(self, gain: float) -> float:
+    def share_of_surrogates(self, gain: float) -> float:
         """Share of surrogates that gain as much."""
         return float((1 + (self.chance >= gain).sum()) / (1 + len(self.chance)))
 

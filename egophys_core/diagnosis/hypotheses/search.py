@@ -214,11 +214,11 @@ def _on_scale(
         rivals = [each for each in refitted if each.gain >= chosen_gain]
         rest = [each for each in refitted if each.gain < chosen_gain]
         refitted = [*validated(rivals, before, problem.validation), *rest]
-    p_null = {each.name: ranking.p_null(each.gain) for each in refitted}
+    surrogate_shares = {each.name: ranking.share_of_surrogates(each.gain) for each in refitted}
     verdict = decide(
         refitted,
-        p_null,
-        law.held_out_gain if ranking.p_null(law.held_out_gain) <= thresholds.largest_p else 0.0,
+        surrogate_shares,
+        law.held_out_gain if ranking.share_of_surrogates(law.held_out_gain) <= thresholds.largest_p else 0.0,
         len(problem.observations),
         beside_named=bool(before.model.effects),
         residual_m=median_size(before.residuals),

@@ -19,7 +19,7 @@ class Setting:
     """In what a candidate is tested."""
 
     thresholds: Thresholds
-    p_null: Mapping[str, float]
+    surrogate_shares: Mapping[str, float]
     """Per effect the share of surrogates that gain as much."""
     beside_named: bool
     """Whether it would be named beside another effect."""
@@ -100,7 +100,7 @@ def gain_interval(candidate: RefittedEffect, setting: Setting) -> CriterionResul
 
 def surrogates(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """Few surrogates, slopes that are shifted in time, gain as much."""
-    share, most = setting.p_null[candidate.name], setting.thresholds.largest_p
+    share, most = setting.surrogate_shares[candidate.name], setting.thresholds.largest_p
     return compare("surrogates", "share of surrogates that gain as much", share, Direction.AT_MOST, most, unit="1")
 
 

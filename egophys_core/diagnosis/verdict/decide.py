@@ -43,7 +43,7 @@ class Verdict:
 
 def decide(
     candidates: Sequence[RefittedEffect],
-    p_null: Mapping[str, float],
+    surrogate_shares: Mapping[str, float],
     law_gain: float,
     episodes: int,
     *,
@@ -55,7 +55,7 @@ def decide(
     """One outcome for refitted candidates, of which none or several may pass.
 
     Args:
-        p_null: per effect the share of surrogates that gain as much.
+        surrogate_shares: per effect the share of surrogates that gain as much.
         law_gain: held-out gain of the best generic law, 0 if surrogates gain as much.
         episodes: how many were fitted; one cannot show that an effect is the object's and not the motion's.
         beside_named: whether candidates would be named beside another effect.
@@ -64,7 +64,12 @@ def decide(
         thresholds: what a candidate must reach; by default those of the project.
     """
     thresholds = thresholds or Thresholds()
-    alone = Setting(thresholds=thresholds, p_null=p_null, beside_named=beside_named, free_residual_m=free_residual_m)
+    alone = Setting(
+        thresholds=thresholds,
+        surrogate_shares=surrogate_shares,
+        beside_named=beside_named,
+        free_residual_m=free_residual_m,
+    )
     screened = {each.name: tuple(screen(each, alone) for screen in SCREENS) for each in candidates}
     ordered = sorted(
         (each for each in candidates if _passes(screened[each.name])),

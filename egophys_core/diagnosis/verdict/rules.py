@@ -270,7 +270,7 @@ def _structure(situation: Situation) -> CriterionResult:
     gains = [
         each.gain - complexity_penalty(each, setting.thresholds)
         for each in situation.supported
-        if setting.p_null[each.name] <= setting.thresholds.largest_p
+        if setting.surrogate_shares[each.name] <= setting.thresholds.largest_p
     ]
     most = setting.thresholds.structure_gain
     if setting.beside_named:

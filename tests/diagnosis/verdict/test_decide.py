@@ -47,10 +47,10 @@ CLEAR = 150.0
 
 
 def decide(
-    candidates: list[RefittedEffect], p_null: dict[str, float], law_gain: float, episodes: int, **more
+    candidates: list[RefittedEffect], surrogate_shares: dict[str, float], law_gain: float, episodes: int, **more
 ) -> Verdict:
     """The verdict by the thresholds of these tests."""
-    return verdict_module.decide(candidates, p_null, law_gain, episodes, thresholds=THRESHOLDS, **more)
+    return verdict_module.decide(candidates, surrogate_shares, law_gain, episodes, thresholds=THRESHOLDS, **more)
 
 
 def judged(name: str, gain: float, **changes) -> RefittedEffect:

@@ -60,11 +60,17 @@ def choose(
     """
     motions = motions_for(twin, limits)
     shown: dict[str, tuple[DetectionLimit, ...]] = {}
+
+    def limits_of(motion: HandMotion, *, refitted: bool) -> tuple[DetectionLimit, ...]:
+        episode = predicted_episode(twin.model, motion, ground_height=twin.ground_height)
+        return limits_in(
+            twin.model, episode, effects, needed_gain=needed_gain, least_scale=least_scale, refitted=refitted
+        )
+
     for index, motion in enumerate(motions):
         progress(motion.name, index / len(motions))
         try:
-            episode = predicted_episode(twin.model, motion, ground_height=twin.ground_height)
-            found = limits_in(twin.model, episode, effects, needed_gain=needed_gain, least_scale=least_scale)
+            found = limits_of(motion, refitted=False)
         except EgophysError:
             # A motion in which the twin cannot be followed would show nothing that can be judged.
             continue
@@ -83,8 +89,9 @@ def choose(
         best = max(tried, key=lambda each: each.score, default=None)
         if best is None or (proposals and best.score < WORTH_A_SECOND):
             break
-        proposals.append(best)
-        before = best.after
+        # What is said of the chosen one is worth more time than what the others are left out for.
+        proposals.append(_proposal(best.motion, before, limits_of(best.motion, refitted=True), rivals))
+        before = proposals[-1].after
     return proposals
 
 

@@ -45,6 +45,17 @@ def test_the_motion_that_shows_the_smallest_size_is_done_first(monkeypatch):
     assert chosen(monkeypatch, shown)[0] == "drag fast, one hand"
 
 
+def test_what_is_expected_of_the_chosen_motion_is_what_refitted_twins_would_show(monkeypatch):
+    monkeypatch.setattr(choice, "predicted_episode", lambda model, motion, **rest: motion)
+    monkeypatch.setattr(
+        choice,
+        "limits_in",
+        lambda model, motion, effects, refitted, **rest: (replace(DRAG, size=1.0 if refitted else 3.0),),
+    )
+    best, *_ = choose(twin_of(sheet()), ["quadratic_drag"], PERSON, needed_gain=50.0, least_scale=1e-3)
+    assert best.after[0].size == 1.0
+
+
 def test_a_second_motion_is_proposed_only_if_it_shows_more(monkeypatch):
     best = {"drag fast, one hand": (replace(DRAG, size=1.0), GRAVITY)}
     little = {"hang still, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=2.0))}

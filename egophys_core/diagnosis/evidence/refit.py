@@ -225,12 +225,14 @@ def _slopes(
     found: Sequence[np.ndarray], of_neighbours: Sequence[np.ndarray], steps: Sequence[float]
 ) -> list[np.ndarray]:
     """Per episode [B, Q, 3, D]: change of the residuals [B, Q, 3] to those of neighbours [D, B, Q, 3], per step."""
-    return [
-        np.stack([(there - here) / step for there, step in zip(rows, steps, strict=True)], axis=-1)
-        if len(steps)
-        else np.zeros((*here.shape, 0))
-        for here, rows in zip(found, of_neighbours, strict=True)
-    ]
+    # Where both diverge there is no slope.
+    with np.errstate(invalid="ignore"):
+        return [
+            np.stack([(there - here) / step for there, step in zip(rows, steps, strict=True)], axis=-1)
+            if len(steps)
+            else np.zeros((*here.shape, 0))
+            for here, rows in zip(found, of_neighbours, strict=True)
+        ]
 
 
 def _step(

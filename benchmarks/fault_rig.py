@@ -138,10 +138,12 @@ class FaultRig:
             time.sleep(0.1)
         return texts()
 
-    def commanded(self, since: float, until: float) -> list[dict[str, Any]]:
-        """Commands between two times that moved the arm."""
-        lines = [line for line in self._wire() if since <= line["t"] <= until]
-        return [line for line in lines if line["name"] in MOTION and line["accepted"]]
+    def wire(self, since: float, until: float) -> list[dict[str, Any]]:
+        """What the emulator was told between two times."""
+        time.sleep(1.2)  # it flushes each second
+        lines = (self._folder / "wire.jsonl").read_text().splitlines()
+        every = [json.loads(line) for line in lines if line.endswith("}")]
+        return [line for line in every if since <= line["t"] <= until]
 
     def only_followed(self, plan: WaypointPlan, since: float, until: float) -> bool:
         """Whether the arm was streamed between two times, and only along the line of a plan of two waypoints."""
@@ -151,19 +153,9 @@ class FaultRig:
             for pose in zip(plan.positions, plan.quaternions, strict=True)
         )
         along = (last - first) / np.linalg.norm(last - first)
-        targets = np.array([line["target_mm"] for line in self.commanded(since, until)]).reshape(-1, 3)
+        targets = np.array([line["target_mm"] for line in commanded(self.wire(since, until))]).reshape(-1, 3)
         aside = np.linalg.norm(np.cross(targets - first, along), axis=1)
         return len(targets) > 0 and bool(aside.max() < 0.1)
-
-    def moved(self, since: float, until: float) -> float:
-        """Metres that the tool was moved between two times."""
-        places = [line["tool_mm"] for line in self._wire() if since <= line["t"] <= until]
-        return float(np.ptp(np.array(places), axis=0).max()) / 1000.0 if places else 0.0
-
-    def _wire(self) -> list[dict[str, Any]]:
-        time.sleep(1.2)  # the emulator flushes each second
-        lines = (self._folder / "wire.jsonl").read_text().splitlines()
-        return [json.loads(line) for line in lines if line.endswith("}")]
 
     def _start(self, executable: str, *arguments: str) -> NodeProcess:
         log = self._folder / f"{next(self._names)}_{executable}.txt"
@@ -173,6 +165,17 @@ class FaultRig:
     def _note(self, message: Log) -> None:
         if message.level >= Log.WARN and "bridge_node" in message.name:
             self._logged.append((message.stamp.sec + 1e-9 * message.stamp.nanosec, message.msg))
+
+
+def commanded(wire: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Those of the commands that moved the arm."""
+    return [line for line in wire if line["name"] in MOTION and line["accepted"]]
+
+
+def moved(wire: list[dict[str, Any]]) -> float:
+    """Metres that the tool was moved meanwhile."""
+    places = [line["tool_mm"] for line in wire]
+    return float(np.ptp(np.array(places), axis=0).max()) / 1000.0 if places else 0.0
 
 
 def loopback_addresses() -> Callable[[], str]:

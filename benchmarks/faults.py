@@ -10,7 +10,17 @@ from typing import Any
 from egophys_ros_common.processes import Client
 from lifecycle_msgs.msg import Transition
 
-from benchmarks.fault_rig import BRIDGE, CONFIG, LONG, SHORT, FaultRig, loopback_addresses, of_another_twin
+from benchmarks.fault_rig import (
+    BRIDGE,
+    CONFIG,
+    LONG,
+    SHORT,
+    FaultRig,
+    commanded,
+    loopback_addresses,
+    moved,
+    of_another_twin,
+)
 
 GRACE_S = 1.5
 """After a fault: for what is under way on the wire to be noticed as lost."""
@@ -222,9 +232,8 @@ def meet(fault: FaultScenario, rig: FaultRig) -> FaultOutcome:
         rig.client.cancel(handle)
         rig.client.result(handle)
     else:
-        lost = happened + GRACE_S
-        commanded = rig.commanded(lost, until)
-        held_still = len(commanded) <= fault.late_poses and rig.moved(lost, until) < STILL_M
+        wire = rig.wire(happened + GRACE_S, until)
+        held_still = len(commanded(wire)) <= fault.late_poses and moved(wire) < STILL_M
     if fault.same_process:
         told = rig.told(began, fault.reason)
         fault.mend(rig)

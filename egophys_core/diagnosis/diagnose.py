@@ -24,7 +24,7 @@ from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.evidence.refit import Fitted
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe, track_offsets
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, acceleration, observe, track_offsets
 from egophys_core.diagnosis.evidence.where import where
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
@@ -129,7 +129,8 @@ def _diagnose_observed(
     """As `diagnose`, from episodes in which the twin has its place already."""
     started = time.monotonic()
     observations, validation = fitted_and_validation(observations)
-    thresholds = thresholds_for(float(np.median([each.noise for each in observations])))
+    noise = float(np.median([each.noise for each in observations]))
+    thresholds = thresholds_for(noise, acceleration(observations))
     for name in without:
         effect_named(name)
     model = replace(twin.model, effects=())

@@ -9,9 +9,6 @@ from egophys_core.diagnosis.diagnosis import DetectionLimit, Outcome
 from egophys_core.diagnosis.saving import DIAGNOSIS_NAME
 from egophys_core.errors import DiscrepancyError
 
-NEAREST = 5
-"""Effects that came nearest to being named, which are asked about if nothing is ambiguous."""
-
 
 def read_content(folder: Path) -> dict[str, Any]:
     """The content of the `diagnosis.json` in a folder.
@@ -43,6 +40,9 @@ def rivals(content: Mapping[str, Any]) -> list[str]:
 
 
 def left_open(content: Mapping[str, Any]) -> list[str]:
-    """The effects to ask about: those that it could not tell apart, else what came nearest to being named."""
+    """The effects to ask about: those that it could not tell apart, else all that it does not name.
+
+    What came nearest to being named is no guide: what the motions could not show comes last.
+    """
     named = {each["name"] for each in content["effects"]}
-    return rivals(content) or [each["name"] for each in content["candidates"] if each["name"] not in named][:NEAREST]
+    return rivals(content) or [each["name"] for each in content["candidates"] if each["name"] not in named]

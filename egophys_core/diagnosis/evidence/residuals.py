@@ -179,6 +179,22 @@ def block_means(observation: TrackedEpisode, offsets: np.ndarray) -> np.ndarray:
     return means.reshape(len(offsets), observation.block_count, PATCHES, 3)
 
 
+def acceleration(observations: Sequence[TrackedEpisode]) -> float:
+    """Metres: by how much patches move otherwise in a block of time than in the one before, root mean square.
+
+    An observer leaves as much of an acceleration that its twin lacks altogether: a / w^2, and w is one over a block's
+    duration. 0 where nothing is nudged.
+    """
+    squares = [np.zeros(0)]
+    for each in observations:
+        if not each.free:
+            (places,) = block_means(each, each.tracks.positions[None, each.first :])
+            change = np.diff(places, n=2, axis=0)
+            squares.append(change[np.isfinite(change)] ** 2)
+    every = np.concatenate(squares)
+    return float(np.sqrt(every.mean())) if every.size else 0.0
+
+
 def residuals(
     observations: Sequence[TrackedEpisode],
     models: Sequence[ObjectModel],

@@ -113,6 +113,8 @@ def validation(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
         return not_asked(name, "gain in validation episodes: not asked of what happens in some episodes only")
     thresholds = setting.thresholds
     needed = min(thresholds.supported_share * candidate.gain, thresholds.supporting_gain)
+    if candidate.gain >= thresholds.overwhelming_gain:
+        needed = -thresholds.supporting_gain
     found = float(candidate.validation_gains.sum())
     return compare(name, "gain in validation episodes", found, Direction.ABOVE, needed)
 

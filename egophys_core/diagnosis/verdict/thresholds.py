@@ -11,6 +11,10 @@ NOISE_SHARE = 0.5
 """Of what points near hands miss of a step of these (`TrackedEpisode.noise`), what is left in the mean of a block. It
 is much, as all points of a frame that is stamped wrongly are off together."""
 
+ACCELERATION_SHARE = 0.08
+"""Of what an observer would leave of all acceleration (`acceleration` of residuals), what a twin that lacks nothing may
+leave: 0.062 in a rehearsed sheet that was swung by its corners at 0.8 and 2.2 Hz, which left 3.1 mm."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Thresholds:
@@ -50,6 +54,9 @@ class Thresholds:
     motions was slack for the most part of the third."""
     supporting_gain: float = 15.0
     """Gain in validation episodes that is enough in any case; the same tether gained 38 there, false ones 5 or less."""
+    overwhelming_gain: float = 180.0
+    """Gain from which validation episodes refute an effect only if it loses `supporting_gain` there: a gravity of 0.6
+    (found: 0.62) that gained 647 in swings gained 3 in a pull over the table. The largest false gain is 172."""
     validation_share: float = 0.5
     """Share of an effect's gain by which validation episodes may raise or lower its penalised gain; of an injected
     drag, a tether and rough places, which gained 69, 70 and 73, they gained 34, 2 and 14."""
@@ -85,7 +92,7 @@ class Thresholds:
         return self.in_turn_gain if fitted >= self.episodes_in_turn else self.unvalidated_gain
 
 
-def thresholds_for(noise: float) -> Thresholds:
-    """Those for recordings of a noise, metres: no twin leaves less."""
+def thresholds_for(noise: float, acceleration: float) -> Thresholds:
+    """Those for recordings of a noise, metres, and of motions that an observer would leave so much of, metres."""
     usual = Thresholds()
-    return replace(usual, floor_m=max(usual.floor_m, NOISE_SHARE * noise))
+    return replace(usual, floor_m=max(usual.floor_m, NOISE_SHARE * noise, ACCELERATION_SHARE * acceleration))

@@ -32,6 +32,7 @@ THRESHOLDS = Thresholds(
     largest_p=0.05,
     supported_share=0.1,
     supporting_gain=15.0,
+    overwhelming_gain=400.0,
     validation_share=0.5,
     equal_share=0.9,
     rival_share=0.75,
@@ -128,6 +129,14 @@ def test_a_large_gain_in_them_is_enough_whatever_an_effect_gains_elsewhere():
     little, enough = ([judged("quadratic_drag", 300.0, validation_gains=np.array([gain]))] for gain in (13.5, 16.5))
     assert decide(little, P, 0.0, 2).outcome != Outcome.NAMED
     assert decide(enough, P, 0.0, 2).outcome == Outcome.NAMED
+
+
+@pytest.mark.parametrize(
+    ("gain", "there", "named"), [(390.0, 13.0, False), (410.0, 13.0, True), (410.0, -13.0, True), (410.0, -16.0, False)]
+)
+def test_what_gains_overwhelmingly_must_only_not_lose_there(gain, there, named):
+    verdict = decide([judged("quadratic_drag", gain, validation_gains=np.array([there]))], P, 0.0, 2)
+    assert (verdict.outcome == Outcome.NAMED) == named
 
 
 def test_what_they_support_in_full_need_not_show_in_each_that_was_fitted():

@@ -180,17 +180,20 @@ def block_means(observation: TrackedEpisode, offsets: np.ndarray) -> np.ndarray:
 
 
 def acceleration(observations: Sequence[TrackedEpisode]) -> float:
-    """Metres: by how much patches move otherwise in a block of time than in the one before, root mean square.
+    """Metres that an observer leaves of an acceleration a which its twin lacks altogether, a / w^2.
 
-    An observer leaves as much of an acceleration that its twin lacks altogether: a / w^2, and w is one over a block's
-    duration. 0 where nothing is nudged.
+    Of the second differences of patches' places from block to block, root mean square; 0 where nothing is nudged.
     """
     squares = [np.zeros(0)]
     for each in observations:
         if not each.free:
             (places,) = block_means(each, each.tracks.positions[None, each.first :])
-            change = np.diff(places, n=2, axis=0)
-            squares.append(change[np.isfinite(change)] ** 2)
+            counts = np.bincount(each.blocks[each.blocks >= 0])
+            # Blocks have a frame more or less, so their middles are not quite equally far apart.
+            middles = np.bincount(each.blocks[each.blocks >= 0], each.episode.times[each.blocks >= 0]) / counts
+            apart = np.diff(middles)[:, None, None]
+            changes = 2.0 * np.diff(np.diff(places, axis=0) / apart, axis=0) / (apart[1:] + apart[:-1])
+            squares.append((changes[np.isfinite(changes)] / each.rate**2) ** 2)
     every = np.concatenate(squares)
     return float(np.sqrt(every.mean())) if every.size else 0.0
 

@@ -36,8 +36,8 @@ class Thresholds:
     with 79."""
     unvalidated_gain: float = 132.0
     """Gain that an effect needs without a validation episode that would show it: 1 in 40 sets that lack nothing gains
-    as much (`null_gains.p_null`). With 90 a force was named with 108 in a sheet that lacked nothing, after two motions of
-    its own asking; drags and a gravity that were there gained 545 to 769."""
+    as much (`null_gains.p_null`). With 90 a force was named with 108 in a sheet that lacked nothing, after two motions
+    of its own asking; drags and a gravity that were there gained 545 to 769."""
     episodes_in_turn: int = 3
     """Fitted motions, each of which gains when it is left out as a whole, from which `in_turn_gain` is enough; as many
     as the recorded toy `plush_lump` has."""

@@ -25,7 +25,7 @@ HOPE = 0.5
 """Share of the gain that is needed to be named, or of the best effect's, that the first steps of a refit must find, or
 it ends with them. What gains less than half of another is no rival of it."""
 
-NEARLY = 0.6
+NEARLY = 0.45
 """Share of the gain that is needed to be named from which the best effect has its rivals refitted."""
 
 RELIEVED = 3

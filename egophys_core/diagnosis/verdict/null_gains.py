@@ -18,4 +18,4 @@ def p_null(gain: float) -> float:
     """Share of sets that lack nothing in which some effect gains as much."""
     if gain <= 0.0:
         return 1.0
-    return 0.5 * math.erfc(math.log(gain / MEDIAN) / (SPREAD * math.sqrt(2.0)))
+    return 0.5 * math.erfc((math.log(gain) - math.log(MEDIAN)) / (SPREAD * math.sqrt(2.0)))

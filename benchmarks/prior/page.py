@@ -13,7 +13,7 @@ def prior_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
     parts = {f"All {result['held_out_sequences']} held-out sequences": result["rows"]}
     parts |= {name.capitalize(): rows for name, rows in result["sets"].items()}
     cost = f"A rollout with the codebook costs {result['rollout_cost_ratio']:.2f} times one without."
-    asked = "Asked more often than once a frame, and nodes that move otherwise than where it is asked in every substep:"
+    asked = "Asked at other rates, and nodes that move otherwise than where it is asked in every substep:"
     tables = [f"{name}:\n\n{_part(rows)}" for name, rows in parts.items() if rows]
     return "\n\n".join([*tables, cost, asked, _rates(result["rates"])])
 

@@ -17,6 +17,8 @@ from egophys_core.errors import OutputError, TwinError
 from egophys_core.files import write_atomically
 from egophys_core.prior.network import Assigned, StiffnessNetwork, dynamic_features
 from egophys_core.simulation import BatchCodebook, RolloutBatch
+from egophys_core.simulation.batch import LONGEST_HELD
+from egophys_core.simulation.codebook_arrays import asked_frames
 from egophys_core.simulation.gradients import Loss, differentiate
 
 WINDOWS = 24
@@ -123,7 +125,7 @@ class ThroughNetwork:
         self.contact_height = batch.ground_height + batch.parameters[0].contact_radius
         self.anchors = torch.tensor(anchors.astype(np.float32))
         self.target = torch.tensor(lesson.target.astype(np.float32))
-        self.frames = len(batch.controls[0].times) - 1
+        self.questions = len(np.unique(asked_frames(batch.controls[0].times, LONGEST_HELD)))
 
     def __call__(
         self, positions: np.ndarray, velocities: np.ndarray, held: np.ndarray, by_stiffness: np.ndarray
@@ -143,7 +145,7 @@ class ThroughNetwork:
         assigned = self.network(self.static, dynamic, stretched)
         stiffness = self.anchors * assigned.offset.exp()
         pulled = (torch.tensor(by_stiffness, dtype=torch.float32) * stiffness).sum()
-        share = len(positions) / self.frames
+        share = len(positions) / self.questions
         (pulled + share * regulariser(assigned, self.target, self.weights)).backward()
         # What is the same in every state has no derivatives by it.
         by_state = (torch.zeros_like(each) if each.grad is None else each.grad for each in (places, speeds))

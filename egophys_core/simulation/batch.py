@@ -30,6 +30,10 @@ class BatchEffect:
         return replace(self, numbers=self.numbers[rows], present=self.present[rows])
 
 
+LONGEST_HELD = 0.07
+"""Seconds for which stiffness is held at most: two frames at 30 Hz. `benchmarks/prior/rate.py` has what that costs."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class BatchCodebook:
     """The codebook that gives springs of a batch their stiffness, frame by frame."""
@@ -39,6 +43,8 @@ class BatchCodebook:
     """[K, E, S] float32, static features (`twin.spring_features`); zeros where a rollout lacks the spring."""
     used: np.ndarray
     """[K] bool, which rollouts have it; the stiffness of the others is fixed."""
+    longest_held: float = LONGEST_HELD
+    """Seconds for which an answer serves at most; always for a whole frame of the controls."""
 
     def rows(self, rows: np.ndarray) -> "BatchCodebook":
         """The codebook in some rollouts, in this order."""

@@ -1,4 +1,4 @@
-"""The codebook of a batch on a device, asked as a frame begins."""
+"""The codebook of a batch on a device, asked as every second frame of a video begins."""
 
 from collections.abc import Sequence
 
@@ -18,6 +18,18 @@ SMALLEST_STIFFNESS = 1e-20
 """N/m. Guards the division by the anchor of a spring that a rollout lacks, whose stiffness is 0, too."""
 
 
+def asked_frames(times: np.ndarray, longest_held: float) -> np.ndarray:
+    """[F - 1] int: for every frame that one as which begins the codebook is asked for it, if answers serve so long.
+
+    It depends on times [F] in seconds alone, so that a rollout does not depend on what else is in its batch.
+    """
+    asked = np.zeros(len(times) - 1, int)
+    for frame in range(1, len(asked)):
+        held = times[frame + 1] - times[asked[frame - 1]] <= longest_held
+        asked[frame] = asked[frame - 1] if held else frame
+    return asked
+
+
 class DeviceCodebook:
     """Sets the stiffness of a batch's springs."""
 
@@ -26,24 +38,25 @@ class DeviceCodebook:
         self.groups, self.nodes = group_count(batch.count), batch.positions.shape[1]
         # A CPU runs threads one after the other, so one for each lane group does.
         self.rows = self.nodes if wp.get_device(device).is_cpu else 1
+        self.asked = asked_frames(batch.controls[0].times, learned.longest_held)
+        """[F - 1] as which begins it is asked for each frame of the batch."""
         self.network = _network(learned, device)
         self.arrays = _arrays(batch, learned, device)
         self._attachments: Sequence[Attachments] = ()
-
-    def set_anchors(self, springs: SpringArrays) -> None:
-        """Write into `springs` the stiffness that offsets are added to."""
-        wp.copy(springs.stiffness, self.arrays.anchors)
+        self._largest_factors: np.ndarray | None = None
 
     def largest_factors(self, springs: SpringArrays) -> np.ndarray:
         """[K] by how much a spring of each rollout is stiffer than its anchor now, at most; 1 where none is.
 
         Of a rollout that diverged it means nothing, and is 1.
         """
-        stiffness, anchors = (
-            unpack(each.numpy(), self.batch.count) for each in (springs.stiffness, self.arrays.anchors)
-        )
-        largest = (stiffness / np.maximum(anchors, SMALLEST_STIFFNESS)).max(axis=1, initial=1.0)
-        return np.where(np.isfinite(largest), largest, 1.0)
+        if self._largest_factors is None:
+            stiffness, anchors = (
+                unpack(each.numpy(), self.batch.count) for each in (springs.stiffness, self.arrays.anchors)
+            )
+            largest = (stiffness / np.maximum(anchors, SMALLEST_STIFFNESS)).max(axis=1, initial=1.0)
+            self._largest_factors = np.where(np.isfinite(largest), largest, 1.0)
+        return self._largest_factors
 
     def set_stiffness(
         self,
@@ -56,6 +69,7 @@ class DeviceCodebook:
         if attachments is not self._attachments:
             self.arrays.held.assign(pack(held_nodes(attachments, self.nodes)))
             self._attachments = attachments
+        self._largest_factors = None
         wp.launch(
             predict_stiffness,
             dim=(self.groups, -(-self.nodes // self.rows)),

@@ -62,7 +62,7 @@ class Segment:
     """Per rollout, where its presses stand in `presses`."""
     presses: PressArrays
     rates: tuple[tuple[float, float], ...]
-    """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, of springs, grips and presses."""
+    """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, of springs (their anchors), grips and presses."""
     spring_rates: np.ndarray
     """[K] largest stiffness rate of the object's springs alone, 1/s^2; 0 where nothing changes these."""
     durations: np.ndarray
@@ -106,6 +106,8 @@ class Engine:
         self.effects = effect_arrays(batch, device, requires_grad=requires_grad)
         self.effect_rates = EffectRates(batch)
         self.codebook = None if batch.codebook is None else DeviceCodebook(batch, batch.codebook, device)
+        self.anchored = self.springs if self.codebook is None else spring_arrays(batch, device)
+        """The same springs without what the codebook makes of them."""
         self.controller_arrays = controller_arrays(
             self.groups, self.controllers.shape[2], device, requires_grad=requires_grad
         )
@@ -133,7 +135,8 @@ class Engine:
             SimulationError: a rollout would need more than `MOST_SUBSTEPS_PER_SECOND` substeps a second.
         """
         segment = self._segment(frame)
-        self.set_stiffness(segment)
+        if self.codebook is not None and self.codebook.asked[frame] == frame:
+            self.set_stiffness(segment.attachments)
         if self.effect_rates.follows or self.codebook is not None:
             segment = replace(segment, substeps=self._substeps(segment.durations, self._rates(segment)))
         self.segments.append(segment)
@@ -147,10 +150,10 @@ class Engine:
         self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
         self._record_divergence(frame, segment)
 
-    def set_stiffness(self, segment: Segment) -> None:
-        """Ask the codebook, if there is one, how stiff springs are in the frame that begins with the present state."""
+    def set_stiffness(self, attachments: Sequence[Attachments]) -> None:
+        """Ask the codebook, if there is one, how stiff springs are from the present state on, held like that."""
         if self.codebook is not None:
-            self.codebook.set_stiffness(self.state, self.parameters, self.springs, segment.attachments)
+            self.codebook.set_stiffness(self.state, self.parameters, self.springs, attachments)
 
     def _segment(self, frame: int) -> Segment:
         """The last one, unless contacts begin or end or the frame lasts longer or shorter."""
@@ -230,11 +233,8 @@ class Engine:
         )
         grips, columns = self.grips_of(updated)
         presses, press_columns = self.presses_of(updated)
-        if self.codebook is not None:
-            # Rates are of the anchors; by how much springs are stiffer is asked for anew in each frame.
-            self.codebook.set_anchors(self.springs)
         of_springs = [
-            largest_eigenvalues(self.springs, grips, self.parameters.masses, self.batch.count, damping=kind)
+            largest_eigenvalues(self.anchored, grips, self.parameters.masses, self.batch.count, damping=kind)
             for kind in (False, True)
         ]
         of_presses = self._press_rates(updated)
@@ -264,7 +264,7 @@ class Engine:
         if self.segments:
             return self.segments[-1].spring_rates
         nothing_held, _ = self.grips_of((NOTHING_HELD,) * self.batch.count)
-        return largest_eigenvalues(self.springs, nothing_held, self.parameters.masses, self.batch.count, damping=False)
+        return largest_eigenvalues(self.anchored, nothing_held, self.parameters.masses, self.batch.count, damping=False)
 
     def _rates(self, segment: Segment) -> list[tuple[float, float]]:
         """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, with what effects add in the coming frame.

@@ -31,8 +31,8 @@ PRESS_NAMES = ("reaches", "stiffness", "damping")
 """Numbers of presses that have derivatives."""
 
 ThroughCodebook = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""From rows of rollouts as a frame begins, positions and velocities [R, N, 3], nodes that hands hold [R, N] and the
-derivatives [R, E] of the loss by the stiffness that the codebook gives there: its derivatives [R, N, 3] by those
+"""From rows of rollouts as the codebook was asked, positions and velocities [R, N, 3], nodes that hands hold [R, N] and
+the derivatives [R, E] of the loss by the stiffness that the codebook gave there: its derivatives [R, N, 3] by those
 positions and velocities."""
 
 Loss = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
@@ -87,8 +87,8 @@ def differentiate(
     Args:
         windows: into how many windows of frames each rollout is cut. Derivatives do not pass from a window to the one
             before it (truncated back-propagation); in return all windows go back at once, as lanes. 1 is exact.
-        through_codebook: passes derivatives on through the codebook of the batch, once a frame and window; without it
-            the stiffness that a codebook gives is differentiated by its anchors alone.
+        through_codebook: passes derivatives on through the codebook of the batch, each time it was asked; without
+            it the stiffness that a codebook gives is differentiated by its anchors alone.
 
     Returns:
         The rollout, the loss [K] and its gradient.
@@ -150,6 +150,8 @@ class _BackwardPass:
         self.controller_stiffness, self.controller_damping = np.zeros(count), np.zeros(count)
         rows = len(self.rollouts)
         self.by_anchors = np.zeros(self.engine.batch.stiffness.shape)
+        self.by_stiffness = np.zeros(self.engine.batch.stiffness.shape)
+        """Of frames gone back over since the one as which began the codebook was asked for them."""
         self.held: list[Attachments] = [NOTHING_HELD] * rows
         """Controller springs of each row in the frame gone back over last."""
         self.by_rest_length = [np.zeros(0)] * rows
@@ -173,7 +175,8 @@ class _BackwardPass:
             active = first + offset < last
             frames = np.minimum(first + offset, np.maximum(last - 1, 0))
             positions[active, : self.nodes] += seeds[self.rollouts, frames + 1][active]
-            positions, velocities, memory = self._back_over_frame(frames, active, positions, velocities, memory)
+            begins = frames == first
+            positions, velocities, memory = self._back_over_frame(frames, active, begins, positions, velocities, memory)
             # A row that diverged has no numbers to pass on.
             dead = ~self.running[self.rollouts]
             positions[dead], velocities[dead], memory[dead] = 0.0, 0.0, 0.0
@@ -190,19 +193,23 @@ class _BackwardPass:
         self,
         frames: np.ndarray,
         active: np.ndarray,
+        begins: np.ndarray,
         positions: np.ndarray,
         velocities: np.ndarray,
         memory: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """From derivatives by the state after a frame of each row to those by the state before it.
 
-        The state are positions and velocities [R, N + C, 3], and what springs remember [R, E, M].
+        The state are positions and velocities [R, N + C, 3], and what springs remember [R, E, M]. `begins` [R] says
+        whose window begins with the frame.
         """
         engine = self.engine
-        engine.state.positions.assign(pack(self.positions[frames, self.rollouts]))
-        engine.state.velocities.assign(pack(self.velocities[frames, self.rollouts]))
+        if engine.codebook is not None:
+            asked = engine.codebook.asked[frames]
+            self._set_state(asked)
+            engine.set_stiffness(self._attachments(asked))
+        self._set_state(frames)
         segment = self._segment(frames, active)
-        engine.set_stiffness(segment)
         tape = self._tape(engine.frame_inputs(frames, segment), segment)
         wp.copy(tape.start.positions, engine.state.positions)
         wp.copy(tape.start.velocities, engine.state.velocities)
@@ -228,44 +235,65 @@ class _BackwardPass:
             for state in (tape.start.positions, tape.start.velocities)
         )
         if engine.codebook is not None:
-            self._back_over_codebook(frames, active, segment, by_positions, by_velocities)
+            alive = active & self.running[self.rollouts]
+            self._back_over_codebook(alive, begins, asked, asked == frames, by_positions, by_velocities)
         return (
             by_positions,
             by_velocities,
             unpack(tape.start.memory.grad.numpy(), rows).astype(np.float64) if memory.size else memory,
         )
 
+    def _set_state(self, frames: np.ndarray) -> None:
+        """Where each row was as a frame began."""
+        self.engine.state.positions.assign(pack(self.positions[frames, self.rollouts]))
+        self.engine.state.velocities.assign(pack(self.velocities[frames, self.rollouts]))
+
+    def _attachments(self, frames: np.ndarray) -> tuple[Attachments, ...]:
+        """What is held in a frame of each row."""
+        segments = self.forward.segments
+        return tuple(segments[frame].attachments[row] for frame, row in zip(frames, self.rollouts, strict=True))
+
     def _back_over_codebook(
         self,
-        frames: np.ndarray,
-        active: np.ndarray,
-        segment: Segment,
+        alive: np.ndarray,
+        begins: np.ndarray,
+        asked: np.ndarray,
+        is_asked: np.ndarray,
         by_positions: np.ndarray,
         by_velocities: np.ndarray,
     ) -> None:
-        """Add what the loss owes to the state of each row as its frame begins, which stiffness follows from."""
+        """Add what the loss owes to the state that stiffness follows from, in rows whose codebook was asked with it.
+
+        A window that begins between two questions ends there: weights learn of it, the state before it does not.
+        """
         springs, rows = self.engine.springs, len(self.rollouts)
         by_stiffness, stiffness = (
             unpack(each.numpy(), rows).astype(np.float64) for each in (springs.stiffness.grad, springs.stiffness)
         )
         springs.stiffness.grad.zero_()
         anchors = self.engine.batch.stiffness
-        alive = active & self.running[self.rollouts]
         has = anchors > 0.0
-        self.by_anchors += np.where(has & alive[:, None], by_stiffness * stiffness / np.where(has, anchors, 1.0), 0.0)
-        if self.through_codebook is None or not alive.any():
+        by_stiffness = np.where(has & alive[:, None], by_stiffness, 0.0)
+        self.by_anchors += by_stiffness * stiffness / np.where(has, anchors, 1.0)
+        if self.through_codebook is None:
             return
-        here = frames[alive], self.rollouts[alive]
-        positions, velocities = (each[here][:, : self.nodes] for each in (self.positions, self.velocities))
-        held = held_nodes(segment.attachments, self.nodes)[alive]
-        found = self.through_codebook(positions, velocities, held, np.where(has, by_stiffness, 0.0)[alive])
-        by_positions[alive, : self.nodes] += found[0]
-        by_velocities[alive, : self.nodes] += found[1]
+        self.by_stiffness += by_stiffness
+        ends = alive & (is_asked | begins)
+        if not ends.any():
+            return
+        there = asked[ends], self.rollouts[ends]
+        positions, velocities = (each[there][:, : self.nodes] for each in (self.positions, self.velocities))
+        held = held_nodes(self._attachments(asked), self.nodes)[ends]
+        found = self.through_codebook(positions, velocities, held, self.by_stiffness[ends])
+        self.by_stiffness[ends] = 0.0
+        passed = is_asked[ends]
+        by_positions[ends & is_asked, : self.nodes] += found[0][passed]
+        by_velocities[ends & is_asked, : self.nodes] += found[1][passed]
 
     def _segment(self, frames: np.ndarray, active: np.ndarray) -> Segment:
         """The segments of each row's frame put together; with the last one's springs, if they are the same."""
         rows = [(self.forward.segments[frame], row) for frame, row in zip(frames, self.rollouts, strict=True)]
-        attachments = tuple(segment.attachments[row] for segment, row in rows)
+        attachments = self._attachments(frames)
         last = self.segment
         if last is None or any(a is not b for a, b in zip(attachments, last.attachments, strict=True)):
             grips, columns = self.engine.grips_of(attachments)

@@ -7,9 +7,12 @@ import pytest
 
 from egophys_core.errors import SimulationError
 from egophys_core.simulation import Controls, batch_of_models, rollout, spring_order
+from egophys_core.simulation.codebook_arrays import asked_frames
 from egophys_core.simulation.engine import Engine
+from egophys_core.simulation.gradients import differentiate
 from egophys_core.twin import ObjectModel, static_features
 from tests.reference.codebook import dynamic_of, factors
+from tests.simulation.differences import linear_loss
 from tests.simulation.scenes import frame_times, sheet_model, sheet_positions
 from tests.twin.codebooks import plain_codebook, random_codebook
 
@@ -36,7 +39,7 @@ def soft_sheet(side: int = 4) -> ObjectModel:
 
 
 @pytest.mark.parametrize("prototypes", [0, 1, 4, 7])
-def test_stiffness_of_every_frame_agrees_with_the_reference(prototypes):
+def test_stiffness_agrees_with_the_reference_in_the_frame_that_asks(prototypes):
     model = replace(soft_sheet(), codebook=random_codebook(prototypes))
     batch = batch_of_models([model], [lifted(model)], ground_height=0.01)
     engine, order = Engine(batch, "cpu"), spring_order(model)
@@ -46,14 +49,44 @@ def test_stiffness_of_every_frame_agrees_with_the_reference(prototypes):
         engine.advance_frame(frame)
         held = np.zeros(len(positions))
         held[engine.segments[-1].attachments[0].nodes] = 1.0
-        dynamic = dynamic_of(positions, velocities, held, model.graph.springs, model.graph.rest_lengths, 0.012)
-        expected = model.stiffness * factors(model.codebook, static_features(model.graph), dynamic)
+        if frame % 3 == 0:
+            # Three frames of 20 ms are one question's worth.
+            dynamic = dynamic_of(positions, velocities, held, model.graph.springs, model.graph.rest_lengths, 0.012)
+            expected = model.stiffness * factors(model.codebook, static_features(model.graph), dynamic)
+            # At its rest length a spring may be counted to either bank.
+            told = np.abs(dynamic[:, 0]) > 1e-6
         found = engine.springs.stiffness.numpy()[0, order, 0]
-        # At its rest length a spring may be counted to either bank.
-        told = np.abs(dynamic[:, 0]) > 1e-6
         assert found[told] == pytest.approx(expected[told], rel=2e-4)
         seen.append(found)
     assert np.ptp(seen, axis=0).max() > 0.02 * model.stiffness.max()
+
+
+def test_stiffness_is_held_for_two_frames_of_a_video_and_for_none_of_a_slow_one():
+    at_30_hz = np.round(np.arange(8) / 30.0, 2)
+    assert asked_frames(at_30_hz, 0.07).tolist() == [0, 0, 2, 2, 4, 4, 6]
+    assert asked_frames(np.arange(5) / 10.0, 0.07).tolist() == [0, 1, 2, 3]
+    with_a_gap = np.array([0.0, 0.03, 0.3, 0.33, 0.36])
+    assert asked_frames(with_a_gap, 0.07).tolist() == [0, 1, 2, 2]
+
+
+@pytest.mark.parametrize(("windows", "questions"), [(1, 4), (4, 7)])
+def test_every_frame_of_every_window_is_gone_back_over_once(windows, questions):
+    # What is passed on to the codebook's weights is, all together, the derivative by the anchors, times the factor.
+    model = replace(soft_sheet(), codebook=plain_codebook(prototypes=[[0.5], [0.5]], slope=0.0))
+    batch = batch_of_models([model], [lifted(model)], ground_height=-10.0)
+    weights = np.random.default_rng(3).normal(0.0, 1.0, (len(TIMES), *batch.positions.shape[1:]))
+    passed, rows = np.zeros(len(batch.springs)), []
+
+    def through(positions, velocities, held, by_stiffness):
+        passed[:] += by_stiffness.sum(axis=0)
+        rows.append(len(positions))
+        return np.zeros_like(positions), np.zeros_like(velocities)
+
+    _, _, gradient = differentiate(batch, linear_loss(weights), windows=windows, through_codebook=through)
+    assert np.abs(gradient.stiffness[0]).max() > 0.0
+    assert np.exp(0.5) * passed == pytest.approx(gradient.stiffness[0], rel=1e-5, abs=1e-12)
+    # The codebook is asked at 0, 3, 6 and 9; the windows that begin at 2, 5 and 7 begin between questions.
+    assert sum(rows) == questions
 
 
 def test_a_codebook_of_nothing_changes_nothing():

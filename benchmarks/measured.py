@@ -2,13 +2,15 @@
 
 Of each recording, mean track error over all frames, millimetres: `static_mm` of its first shape, `rigid_lag_mm` of
 points that follow the nearest hand at its best lag, `built_mm` of the twin as built, `before_mm` and `after_mm` of the
-twin that a diagnosis refitted without and with what it named. `fitted` says whether the diagnosis fitted it.
+twin that a diagnosis refitted without and with what it named. `fitted` says whether the diagnosis fitted it. Of each
+set, the sizes from which effects would have been named in its recordings, and the motion of an arm that would show most
+of what they leave open.
 
 A set's rows are kept as soon as they are measured, and a run goes on where the last one stopped.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +20,14 @@ from benchmarks.accuracy import DATA
 from benchmarks.beam import DENSITY, LOADS, TEMPLATE
 from benchmarks.kept import fill, kept_in
 from benchmarks.provenance import commit
-from egophys_core.diagnosis.diagnose import diagnose, fitted_and_validation
+from egophys_core.diagnosis.diagnose import Finding, diagnose, fitted_and_validation
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.evaluation import lagging_prediction, track_error_per_frame
+from egophys_core.experiments import HandLimits, next_motion
 from egophys_core.identification import FitOptions, build, evaluate_twin
 from egophys_core.observation import ObservedEpisode, observe_episode
 from egophys_core.recording import read_episode
+from egophys_core.robot import MotionLimits
 
 RESULT = Path(__file__).parent / "results/measured.json"
 
@@ -63,7 +67,8 @@ def measure(name: str) -> dict[str, Any]:
     given = [observed[each] for each in chosen.given]
     others = [each for each in observed.values() if each.name not in chosen.given]
     twin = build(given, chosen.options)
-    diagnosis = diagnose(twin, given, DiagnosisOptions(), report_on=others).diagnosis
+    finding = diagnose(twin, given, DiagnosisOptions(), report_on=others)
+    diagnosis = finding.diagnosis
     fitted = [each.name for each in fitted_and_validation(given)[0]]
     errors = {each.episode: each for each in diagnosis.error}
     rows = [
@@ -84,10 +89,23 @@ def measure(name: str) -> dict[str, Any]:
         "outcome": str(diagnosis.outcome),
         "effects": {each.name: _values(each.parameters) for each in diagnosis.effects},
         "reason": diagnosis.reason,
+        "limits": [asdict(each) for each in diagnosis.limits],
+        "experiment": experiment(finding),
         "seconds": diagnosis.seconds,
         "commit": commit(),
     }
     return {"rows": rows, "diagnosis": found}
+
+
+def experiment(finding: Finding) -> dict[str, Any]:
+    """What an arm should do next with the object, and what is expected of that; or why it can do nothing."""
+    arm = MotionLimits()
+    hands = HandLimits(hands=1, fastest_m_s=arm.max_speed_m_s, highest_m=arm.workspace_max_m[2])
+    proposal, why = next_motion(finding, hands)
+    if proposal is None:
+        return {"refused": why}
+    motion = proposal.motion
+    return {"motion": motion.name, "sentence": motion.sentence, "after": [asdict(each) for each in proposal.after]}
 
 
 def _values(parameters: Mapping[str, Any]) -> dict[str, list[float]]:

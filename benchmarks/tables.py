@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from benchmarks.revisions import described, newest_first
+from egophys_core.reporting import limits_in_words
 
 Row = Sequence[str]
 
@@ -186,7 +187,31 @@ def measured_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
         f"{found['diagnosis']['reason']}."
         for name, found in result["sets"].items()
     ]
-    return by_revision(header, rows, dates) + "\n\nWhat the diagnoses say:\n\n" + "\n".join(said)
+    parts = [
+        by_revision(header, rows, dates),
+        "What the diagnoses say:",
+        "\n".join(said),
+        _measured_limits(result["sets"]),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _measured_limits(sets: Mapping[str, Mapping[str, Any]]) -> str:
+    """What recordings could have shown, and the motion of an arm that would show more of what they leave open."""
+    told = {name: found["diagnosis"] for name, found in sets.items() if "limits" in found["diagnosis"]}
+    if not told:
+        return ""
+    lines = [
+        f"- {name}: {limits_in_words(diagnosis['limits'])}. {_next_motion(diagnosis['experiment'])}"
+        for name, diagnosis in told.items()
+    ]
+    return "What these recordings would have named, and what an arm should do next:\n\n" + "\n".join(lines)
+
+
+def _next_motion(experiment: Mapping[str, Any]) -> str:
+    if "refused" in experiment:
+        return f"No motion is proposed: {experiment['refused']}."
+    return f"Next: {experiment['motion']}, which is expected to name {limits_in_words(experiment['after'])}."
 
 
 def _with_values(effects: Mapping[str, Mapping[str, Sequence[float]]]) -> str:

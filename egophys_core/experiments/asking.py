@@ -95,7 +95,7 @@ def diagnose_and_ask(
         elif world is None or len(asked) == most:
             ended = f"{len(asked)} motions were asked for, as many as allowed"
         else:
-            proposal, ended = _proposal(finding, limits, without, part(2 * len(asked) + 1))
+            proposal, ended = next_motion(finding, limits, without=without, progress=part(2 * len(asked) + 1))
             if proposal is not None:
                 asked.append(Asked(proposal=proposal, before=finding))
                 recorded.insert(0, world(proposal, len(asked)))
@@ -108,10 +108,21 @@ def is_decided(finding: Finding) -> bool:
     return finding.diagnosis.outcome is Outcome.NAMED
 
 
-def _proposal(
-    finding: Finding, limits: HandLimits, without: Sequence[str], progress: Progress
+def next_motion(
+    finding: Finding,
+    limits: HandLimits,
+    *,
+    without: Sequence[str] = (),
+    progress: Progress = lambda stage, share: None,
 ) -> tuple[Proposal | None, str]:
-    """The motion to do next, or why there is none."""
+    """The motion to do next, or why there is none.
+
+    Args:
+        finding: what is known, and the twin that follows from it.
+        limits: what hands can do.
+        without: effects that are not asked about.
+        progress: called with stage and share done.
+    """
     content = finding.diagnosis.as_dict()
     try:
         best, *_ = choose(

@@ -7,7 +7,7 @@ import pytest
 from benchmarks.confusion import confusion_table
 from benchmarks.report import PAGE, TABLES, page, read_results
 from benchmarks.revisions import DATES, described, newest_first, revisions_in
-from benchmarks.tables import by_revision
+from benchmarks.tables import by_revision, measured_table
 
 SOME_DATES = {"aaaaaaa": "2026-01-01T00:00:00+00:00", "bbbbbbb": "2026-02-01T00:00:00+00:00"}
 
@@ -87,3 +87,29 @@ def test_confusion_matrix_marks_cells_of_older_revisions(outcome, names, cell):
     assert f"| drag | 10.0 | {cell} <sup>a</sup> | none |" in text
     assert "1 of 1 of the sets without an effect" in text
     assert f"{int(names == ['drag'] and outcome != 'ambiguous')} of 1 of the large ones" in text
+
+
+def test_what_measured_recordings_could_have_shown_is_said_where_it_was_measured():
+    limit = {"effect": "quadratic_drag", "parameter": "coefficient", "size": 4.0, "unit": "1/m", "alike": []}
+    row = {
+        "record": "a",
+        "fitted": True,
+        "static_mm": 1,
+        "rigid_lag_mm": 1,
+        "built_mm": 1,
+        "before_mm": 1,
+        "after_mm": 1,
+    }
+    told = {"records": ["a"], "outcome": "none", "effects": {}, "reason": "why", "seconds": 1.0, "commit": "aaaaaaa"}
+    asked = {"motion": "swing", "sentence": "Swing it.", "after": [{**limit, "size": 1.0}]}
+    sets = {
+        "old": {"rows": [row], "diagnosis": told},
+        "cloth": {"rows": [row], "diagnosis": {**told, "limits": [limit], "experiment": asked}},
+        "cable": {"rows": [row], "diagnosis": {**told, "limits": [limit], "experiment": {"refused": "none fits"}}},
+    }
+    text = measured_table({"sets": sets}, SOME_DATES)
+    assert (
+        "- cloth: quadratic_drag from 4 1/m. Next: swing, which is expected to name quadratic_drag from 1 1/m." in text
+    )
+    assert "No motion is proposed: none fits." in text
+    assert text.count("- old:") == 1

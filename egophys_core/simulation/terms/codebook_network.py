@@ -59,8 +59,6 @@ _NETWORK = """
     };
     const int hidden = network.hidden_count, outputs = network.output_count;
     const float* by_dynamic = &wp::index(network.by_dynamic, 0, 0);
-    const float* tension = &wp::index(network.heads, 0, 0, 0);
-    const float* compression = &wp::index(network.heads, 1, 0, 0);
     float value[64][8];
     if (network.alike) {
         const float* of_graph = &wp::index(network.of_graph, spring, 0);
@@ -81,25 +79,30 @@ _NETWORK = """
             value[unit][lane] = total > 0.0f ? total : 0.0f;
         }
     }
-    float scores[32][8];
-    for (int k = 0; k < outputs; k += 4) {
-        float pulled[4][8], pressed[4][8];
-        for (int j = 0; j < 4; ++j)
-            for (int lane = 0; lane < 8; ++lane) {
-                pulled[j][lane] = wp::index(network.head_bias, 0, k + j);
-                pressed[j][lane] = wp::index(network.head_bias, 1, k + j);
-            }
-        const float* a = tension + k * hidden;
-        const float* b = compression + k * hidden;
-        for (int unit = 0; unit < hidden; ++unit)
+    float scores[32][8] = {};
+    float pulled = 0.0f;
+    for (int lane = 0; lane < 8; ++lane)
+        pulled += stretched.c[lane];
+    for (int bank = 0; bank < 2; ++bank) {
+        // Where all lanes are pulled, or all pressed, the other head is not asked.
+        if (pulled == (bank == 0 ? 0.0f : 8.0f))
+            continue;
+        const float* heads = &wp::index(network.heads, bank, 0, 0);
+        for (int k = 0; k < outputs; k += 4) {
+            float sums[4][8];
             for (int j = 0; j < 4; ++j)
-                for (int lane = 0; lane < 8; ++lane) {
-                    pulled[j][lane] += a[j * hidden + unit] * value[unit][lane];
-                    pressed[j][lane] += b[j * hidden + unit] * value[unit][lane];
-                }
-        for (int j = 0; j < 4; ++j)
-            for (int lane = 0; lane < 8; ++lane)
-                scores[k + j][lane] = stretched.c[lane] > 0.5f ? pulled[j][lane] : pressed[j][lane];
+                for (int lane = 0; lane < 8; ++lane)
+                    sums[j][lane] = wp::index(network.head_bias, bank, k + j);
+            const float* w = heads + k * hidden;
+            for (int unit = 0; unit < hidden; ++unit)
+                for (int j = 0; j < 4; ++j)
+                    for (int lane = 0; lane < 8; ++lane)
+                        sums[j][lane] += w[j * hidden + unit] * value[unit][lane];
+            for (int j = 0; j < 4; ++j)
+                for (int lane = 0; lane < 8; ++lane)
+                    if ((stretched.c[lane] > 0.5f) == (bank == 0))
+                        scores[k + j][lane] = sums[j][lane];
+        }
     }
     float largest[8], total[8] = {}, weighted[8] = {};
     for (int k = 0; k < outputs; ++k)

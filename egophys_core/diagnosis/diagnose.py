@@ -23,6 +23,7 @@ from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_er
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
+from egophys_core.diagnosis.evidence.predicting_twin import best_predicting, between
 from egophys_core.diagnosis.evidence.refit import Fitted
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, acceleration, observe, track_offsets
 from egophys_core.diagnosis.evidence.where import where
@@ -166,15 +167,15 @@ def _diagnose_observed(
     progress("roll out before and after", 0.9)
     everywhere = [*observations, *validation, *report_on]
     # Refitted for as many steps as with the effects, from where these led as well.
-    before = (without_them or first.before).model
-    errors = [free_errors(each, [before, found.fitted.model]) for each in everywhere]
+    bare = (without_them or first.before).model
+    before, after, errors = _best_predicting(bare, found.fitted.model, everywhere, len(everywhere) - len(report_on))
     offsets = [track_offsets(each, [before])[0][0] for each in observations]
     error = tuple(
         episode_error(each, *pair, fitted=index < len(observations))
         for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
     )
     by_measurement = measured_limits(observations, measured, lies_flat=kind_of(model).lies_flat, thresholds=thresholds)
-    improved = _new_version(twin, found.fitted.model, [each.episode for each in observations], options, seed)
+    improved = _new_version(twin, after, [each.episode for each in observations], options, seed)
     diagnosis = Diagnosis(
         outcome=found.outcome,
         effects=tuple(
@@ -203,6 +204,26 @@ def _diagnose_observed(
         evidence=_evidence(everywhere, errors, observations[0], offsets[0]),
         searches=found.searches,
     )
+
+
+def _best_predicting(
+    without: ObjectModel, fitted: ObjectModel, observations: Sequence[TrackedEpisode], given: int
+) -> tuple[ObjectModel, ObjectModel, list[tuple[FreeErrors, FreeErrors]]]:
+    """The models before and after that predict the given episodes best, and their errors in all.
+
+    Args:
+        without: refitted without any effect.
+        fitted: refitted with those that were found.
+        observations: those of the given episodes first.
+        given: so many.
+    """
+    baselines = between(without, fitted)
+    beside = [replace(each, effects=fitted.effects) for each in baselines]
+    errors = [free_errors(each, [*baselines, *beside]) for each in observations]
+    count = len(baselines)
+    first = best_predicting([each[:count] for each in errors[:given]])
+    last = best_predicting([each[count:] for each in errors[:given]])
+    return baselines[first], beside[last], [(each[first], each[count + last]) for each in errors]
 
 
 def fitted_and_validation(episodes: Sequence[Item]) -> tuple[Sequence[Item], Sequence[Item]]:

@@ -1,7 +1,8 @@
 """Diagnoses that may ask: two passive recordings, then at most two motions of their own choice, in the rehearsal world.
 
 Every set is an object nobody has seen, drawn when this was frozen: change `DRAWN` before a new revision is measured.
-Results are kept after each set, and a run goes on where the last one stopped.
+Results are kept after each set, and a run goes on where the last one stopped. `calibrated_on` of the result are sets
+without an effect that were looked at before: what their best effects gained after one or two such motions.
 """
 
 import json
@@ -31,7 +32,7 @@ from egophys_core.rehearsal.injection import injected_sizes
 
 RESULT = Path(__file__).parent / "results/asked.json"
 
-DRAWN = 20261130
+DRAWN = 20261128_02
 """Seed of the objects and motions of this table."""
 
 MOST_ASKED = 2
@@ -149,7 +150,7 @@ def injected_size(case: AskedCase) -> float | None:
 
 
 def least_p(diagnosis: Diagnosis) -> float:
-    """Share of surrogates that gain as much as the candidate that gains most."""
+    """Share of sets that lack nothing in which some effect gains as much as the candidate that gains most."""
     return max(diagnosis.candidates, key=lambda each: each.held_out_gain).p_null
 
 
@@ -159,14 +160,19 @@ def run(*, minutes: float = 1e9) -> dict[str, Any]:
     Args:
         minutes: begin no further set after this long.
     """
-    kept = kept_in(RESULT, {"rows": []})
+    kept = kept_in(RESULT, {"rows": [], "calibrated_on": []})
     rows = kept["rows"]
     done = {_key(row) for row in rows}
     missing = [case for case in cases() if json.dumps(asdict(case), sort_keys=True) not in done]
     for _, row in side_by_side(measure, missing, minutes=minutes):
         rows.append(row)
         write_json(RESULT, kept)
-    return {"rows": rows, "p_null": [row["p_null"] for row in rows if row["effect"] == "none"], "revision": commit()}
+    return {
+        "rows": rows,
+        "p_null": [row["p_null"] for row in rows if row["effect"] == "none"],
+        "calibrated_on": kept["calibrated_on"],
+        "revision": commit(),
+    }
 
 
 def _key(row: Mapping[str, Any]) -> str:

@@ -33,7 +33,7 @@ from egophys_core.diagnosis.hypotheses.search import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.explain import explain
-from egophys_core.diagnosis.verdict.null_gains import p_null
+from egophys_core.diagnosis.verdict.null_gains import NullGains, null_gains
 from egophys_core.diagnosis.verdict.thresholds import thresholds_for
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
@@ -75,6 +75,7 @@ def diagnose(
     episodes: Sequence[AnyEpisode],
     options: DiagnosisOptions,
     *,
+    asked: int = 0,
     loads: Mapping[str, float] | None = None,
     report_on: Sequence[AnyEpisode] = (),
     without: Collection[str] = (),
@@ -87,6 +88,7 @@ def diagnose(
         episodes: two motions or more, to tell the object from the motion. Of three or more the last third is not
             fitted: what is named has to show there, too. As recorded, or observed already (`observe_episodes`, which
             then takes the loads).
+        asked: how many of them are motions that were chosen to show effects.
         loads: N that hang at the free end of an object that is seen at a few markers, by name of the episode.
         report_on: further episodes of the object, which have no part in what is found: errors are reported on them.
         without: effects of the library to leave out.
@@ -110,6 +112,7 @@ def diagnose(
         twin,
         fitted,
         options,
+        asked=asked,
         report_on=others,
         without=(*without, *unidentifiable_effects(kind_of(twin.model), fitted)),
         seed=seed,
@@ -122,6 +125,7 @@ def _diagnose_observed(
     observations: Sequence[TrackedEpisode],
     options: DiagnosisOptions,
     *,
+    asked: int,
     report_on: Sequence[TrackedEpisode],
     without: Collection[str],
     seed: int,
@@ -131,7 +135,8 @@ def _diagnose_observed(
     started = time.monotonic()
     observations, validation = fitted_and_validation(observations)
     noise = float(np.median([each.noise for each in observations]))
-    thresholds = thresholds_for(noise, acceleration(observations))
+    null = null_gains(asked)
+    thresholds = thresholds_for(noise, acceleration(observations), null)
     for name in without:
         effect_named(name)
     model = replace(twin.model, effects=())
@@ -182,7 +187,7 @@ def _diagnose_observed(
             NamedEffect(name=each.name, parameters=each.parameters, episodes_agree=each.episodes_agree)
             for each in found.named
         ),
-        candidates=_candidates(first, measured),
+        candidates=_candidates(first, measured, null),
         decisions=found.decisions,
         limits=(*_limits(problem, first, found.fitted), *by_measurement),
         experiment=found.experiment,
@@ -323,7 +328,7 @@ def _limits(problem: DiagnosisProblem, first: Search, fitted: Fitted) -> tuple[D
     )
 
 
-def _candidates(first: Search, measured: Sequence[MeasuredEffect]) -> tuple[Candidate, ...]:
+def _candidates(first: Search, measured: Sequence[MeasuredEffect], null: NullGains) -> tuple[Candidate, ...]:
     """All effects: those that were measured, and those that were refitted, with the figures of that."""
     ranking, refitted = first.ranking, {each.name: each for each in first.refitted}
     found = [
@@ -346,7 +351,7 @@ def _candidates(first: Search, measured: Sequence[MeasuredEffect]) -> tuple[Cand
             Candidate(
                 name=name,
                 held_out_gain=gain,
-                p_null=p_null(gain),
+                p_null=null.p(gain),
                 fitted_gain=each.fitted_gain,
                 validation_gain=float(each.validation_gains.sum())
                 if isinstance(each, RefittedEffect) and len(each.validation_gains)

@@ -86,7 +86,17 @@ def diagnose_and_ask(
         return lambda stage, share: progress(stage, (index + share) / rounds)
 
     def look(index: int) -> Finding:
-        return diagnose(twin, recorded, options, report_on=report_on, without=without, seed=seed, progress=part(index))
+        return diagnose(
+            twin,
+            recorded,
+            options,
+            asked=len(asked),
+            loads=loads,
+            report_on=report_on,
+            without=without,
+            seed=seed,
+            progress=part(index),
+        )
 
     finding, ended = look(0), ""
     while not ended:

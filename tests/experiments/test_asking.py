@@ -20,12 +20,13 @@ class MadeUpLab:
 
     def __init__(self, monkeypatch, *outcomes, score=1.0, refusal=None):
         self.outcomes, self.score, self.refusal = list(outcomes), score, refusal
-        self.diagnosed, self.asked_about = [], []
+        self.diagnosed, self.asked_about, self.told = [], [], []
         monkeypatch.setattr(asking, "diagnose", self.diagnose)
         monkeypatch.setattr(asking, "choose", self.choose)
 
     def diagnose(self, twin, episodes, options, **rest):
         self.diagnosed.append(list(episodes))
+        self.told.append((rest["asked"], rest["loads"]))
         outcome = self.outcomes.pop(0)
         named = outcome is Outcome.NAMED
         found = make_diagnosis() if named else replace(make_nothing_found(), outcome=outcome, limits=(DRAG,))
@@ -60,6 +61,12 @@ def test_it_asks_until_it_is_decided_and_fits_what_it_asked_for_first(monkeypatc
     assert answer.finding.diagnosis.outcome is Outcome.NAMED
     assert [each.before.diagnosis.outcome for each in answer.asked] == [Outcome.NONE, Outcome.NONE]
     assert lab.asked_about[0][1] == [DRAG]
+
+
+def test_every_diagnosis_knows_the_loads_and_how_often_was_asked(monkeypatch):
+    lab = MadeUpLab(monkeypatch, Outcome.NONE, Outcome.NAMED)
+    lab.answer(loads={"lift": 0.5})
+    assert lab.told == [(0, {"lift": 0.5}), (1, {"lift": 0.5})]
 
 
 def test_it_asks_no_oftener_than_allowed_and_nobody_without_a_world(monkeypatch):

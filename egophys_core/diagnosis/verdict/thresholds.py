@@ -7,6 +7,8 @@ are in log-likelihood, on data that were left out.
 
 from dataclasses import dataclass, replace
 
+from egophys_core.diagnosis.verdict.null_gains import NullGains
+
 NOISE_SHARE = 0.5
 """Of what points near hands miss of a step of these (`TrackedEpisode.noise`), what is left in the mean of a block. It
 is much, as all points of a frame that is stamped wrongly are off together."""
@@ -14,6 +16,10 @@ is much, as all points of a frame that is stamped wrongly are off together."""
 ACCELERATION_SHARE = 0.08
 """Of what an observer would leave of all acceleration (`acceleration` of residuals), what a twin that lacks nothing may
 leave: 0.062 in a rehearsed sheet that was swung by its corners at 0.8 and 2.2 Hz, which left 3.1 mm."""
+
+
+UNVALIDATED_SHARE = 1.0 / 40.0
+"""Of sets that lack nothing, in which an effect may gain `unvalidated_gain`: what may be named falsely at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +42,8 @@ class Thresholds:
     with 79."""
     unvalidated_gain: float = 132.0
     """Gain that an effect needs without a validation episode that would show it: 1 in 40 sets that lack nothing gains
-    as much (`null_gains.p_null`). With 90 a force was named with 108 in a sheet that lacked nothing, after two motions
-    of its own asking; drags and a gravity that were there gained 545 to 769."""
+    as much (`null_gains.py`); 172 where motions were asked for. With 90 a force was named with 108 in a sheet that
+    lacked nothing, after two motions of its own asking; drags and gravities that were there gained 323 to 769."""
     episodes_in_turn: int = 3
     """Fitted motions, each of which gains when it is left out as a whole, from which `in_turn_gain` is enough; as many
     as the recorded toy `plush_lump` has."""
@@ -93,7 +99,11 @@ class Thresholds:
         return self.in_turn_gain if fitted >= self.episodes_in_turn else self.unvalidated_gain
 
 
-def thresholds_for(noise: float, acceleration: float) -> Thresholds:
-    """Those for recordings of a noise, metres, and of motions that an observer would leave so much of, metres."""
-    usual = Thresholds()
-    return replace(usual, floor_m=max(usual.floor_m, NOISE_SHARE * noise, ACCELERATION_SHARE * acceleration))
+def thresholds_for(noise: float, acceleration: float, null: NullGains) -> Thresholds:
+    """Those for recordings of a noise, metres, and of motions that an observer would leave so much of, metres.
+
+    Args:
+        null: what the best effect gains in such recordings where nothing is lacking.
+    """
+    floor = max(Thresholds().floor_m, NOISE_SHARE * noise, ACCELERATION_SHARE * acceleration)
+    return replace(Thresholds(), floor_m=floor, unvalidated_gain=null.gain_of(UNVALIDATED_SHARE))

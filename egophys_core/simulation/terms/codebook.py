@@ -1,6 +1,6 @@
 """Stiffness of springs from a codebook: features of how each is deformed, assignments, offsets (paper, Sec. 3.3).
 
-Evaluated as a frame begins and held for the frame (docs/notes/prior.md has what that costs and saves).
+Evaluated as a frame begins and held for two of a video (docs/notes/prior.md has what that costs and saves).
 """
 
 import warp as wp

@@ -26,7 +26,7 @@ demo: build ## Video to twin to plan to arm, on a recorded episode: about 5 minu
 test test-all: export OPENBLAS_NUM_THREADS := 1
 
 # Files side by side: nodes and emulators have a DDS domain and addresses per process (at most 100 domains).
-PYTEST := python -m pytest -n auto --maxprocesses 4 --dist loadfile
+PYTEST := python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 test: check build ## Everything but the slow tests
 	@$(IN_ENV) $(PYTEST) -m "not slow"

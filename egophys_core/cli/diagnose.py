@@ -105,6 +105,8 @@ def run(parsed: argparse.Namespace) -> int:
             print(f"asked no more: {answer.ended}")
         _print_summary(diagnosis)
         print(f"improved twin {finding.twin.twin_id} in {files['twin']}; look at {files['report']}")
+        if diagnosis.outcome != Outcome.NAMED:
+            print(f"a motion that shows more: egophys experiment {files['twin']} --diagnosis {parsed.out} --out DIR")
     return 0 if diagnosis.outcome == Outcome.NONE else 1
 
 

@@ -37,10 +37,11 @@ from egophys_core.diagnosis.verdict.null_gains import NullGains, null_gains
 from egophys_core.diagnosis.verdict.thresholds import thresholds_for
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
-from egophys_core.errors import DiscrepancyError
+from egophys_core.errors import DiscrepancyError, EpisodeError
 from egophys_core.identification import episode_digest
 from egophys_core.kinds import kind_of
 from egophys_core.observation import AnyEpisode, ObservedEpisode, observe_episodes
+from egophys_core.observation.unmoved import why_unmoved
 from egophys_core.options import to_mapping
 from egophys_core.twin import ObjectModel, Provenance, Twin
 
@@ -54,6 +55,9 @@ VALIDATION = 3
 
 LEAST_MOTION_S = 1.0
 """Seconds of handling below which an episode says nothing."""
+
+
+WHAT_TO_DO = "`egophys experiment TWIN --out DIR` says which motion shows most, to a person and to an arm"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -256,16 +260,19 @@ def _observed(twin: Twin, observed: ObservedEpisode) -> TrackedEpisode:
     """The twin in an episode that lasts long enough.
 
     Raises:
+        EpisodeError: no hand moves the object.
         DiscrepancyError: too little handling.
     """
     if observed.is_sparse:
         return observe_markers(twin, observed)
+    if not any(hand.touches for hand in observed.hands):
+        raise EpisodeError(f"{observed.name}: {why_unmoved(observed.episode)}. If it lies still there, {WHAT_TO_DO}")
     episode, observation = observed.episode, observe(replace(twin.model, effects=()), observed)
     handled = float(episode.times[-1] - episode.times[observation.touched])
     if handled < LEAST_MOTION_S:
         raise DiscrepancyError(
             f"{episode.name}: {handled:.2f} s of handling after first contact say nothing of what a twin lacks; "
-            "record a lift of some seconds, and a second motion"
+            f"record some seconds of two motions: {WHAT_TO_DO}"
         )
     if not np.isfinite(observation.tracks.positions[observation.touched :]).any():
         raise DiscrepancyError(

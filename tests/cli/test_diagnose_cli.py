@@ -68,11 +68,18 @@ def test_a_finding_is_summed_up_and_saved(asked, twin, bag, tmp_path, capsys):
     assert out.startswith("named: The twin lacks one thing: air drag")
     for part in ("gains 406", "episodes agree", "2.75 .. 4.6", "swing (new)", "12.0", "report.html"):
         assert part in out
+    assert "egophys experiment" not in out
 
 
-def test_no_effect_is_exit_code_0(asked, twin, bag, tmp_path, capsys):
+def test_a_load_reaches_the_diagnosis(asked, twin, bag, tmp_path):
+    run(twin, bag, "--load", "lift=0.5", "--out", tmp_path / "found")
+    assert asked[0]["loads"] == {"lift": 0.5}
+
+
+def test_no_effect_is_exit_code_0_and_says_how_to_see_more(asked, twin, bag, tmp_path, capsys):
     assert run(twin, bag, "--out", tmp_path / "found") == 0
     out = capsys.readouterr().out
+    assert f"egophys experiment {tmp_path / 'found' / 'improved.twin'} --diagnosis {tmp_path / 'found'} --out" in out
     assert out.startswith("none: No effect found")
     assert out.count("nearest miss: ") == 2
     missed = "held-out gain by slopes: 4.1, needs at least 8.33 for a refit"

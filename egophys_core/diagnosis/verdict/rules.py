@@ -14,8 +14,9 @@ from egophys_core.effects import effect_named
 ANOTHER_MOTION = "record one more motion, and give it last: it is not fitted, and what is named has to show there, too"
 
 A_SECOND_MOTION = (
-    "record a second motion of the object (a lift, if this is a pull) and give both: one motion alone cannot tell what "
-    "the twin lacks from what it was bent to make up for"
+    "record a second motion of the object (a lift, if this is a pull; `egophys experiment TWIN --diagnosis DIR` says "
+    "which shows most) and give both: one motion alone cannot tell what the twin lacks from what it was bent to make "
+    "up for"
 )
 
 

@@ -23,6 +23,7 @@ BASE = {
     "geometry",
     "interpolation",
     "json_numbers",
+    "minimum_jerk",
     "on_demand",
     "options",
     "episode",

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from egophys_core.minimum_jerk import PEAK_SPEED, minimum_jerk
 from egophys_core.waypoint_plan import OPEN, POINTING_DOWN, WaypointPlan
 
 STEP_S = 0.05
@@ -52,15 +53,13 @@ class PathWriter:
     def move(self, to: Sequence[float] | np.ndarray, *, peak_speed: float) -> None:
         """Go to an offset [3] from where it took hold, with a smooth speed of at most so many m/s."""
         begin, end = self._offsets[-1], np.asarray(to, np.float64)
-        # Minimum jerk: at its fastest 15/8 of the mean (Flash and Hogan 1985).
         distance = float(np.linalg.norm(end - begin))
         if distance == 0.0:
             return
-        duration = max(1.875 * distance / peak_speed, STEP_S)
+        duration = max(PEAK_SPEED * distance / peak_speed, STEP_S)
         started, count = self._times[-1], int(np.ceil(duration / STEP_S))
         for share in np.arange(1, count + 1) / count:
-            smooth = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-            self._add(started + share * duration, begin + smooth * (end - begin))
+            self._add(started + share * duration, begin + minimum_jerk(share) * (end - begin))
 
     def swing(self, along: np.ndarray, *, amplitude: float, frequency: float, cycles: int) -> None:
         """Swing to and fro about where it is, metres and Hz; it grows in the first cycle and ebbs in the last."""

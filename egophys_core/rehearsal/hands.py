@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.errors import PlanningError
+from egophys_core.minimum_jerk import minimum_jerk
 from egophys_core.rehearsal.bodies import SoftBody
 from egophys_core.rehearsal.engine import HAND_RADIUS
 from egophys_core.rehearsal.options import Motion
@@ -46,9 +47,8 @@ class Script:
             return self.centres[max(after - 1, 0)]
         begin, end = self.times[after - 1 : after + 1]
         share = (time - begin) / (end - begin)
-        # Minimum jerk: no acceleration at either end (Flash and Hogan 1985).
         if self.smooth:
-            share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+            share = minimum_jerk(share)
         return self.centres[after - 1] + share * (self.centres[after] - self.centres[after - 1])
 
 

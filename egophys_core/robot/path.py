@@ -6,18 +6,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from egophys_core.interpolation import PosesOverTime
+from egophys_core.minimum_jerk import PEAK_ACCELERATION, PEAK_SPEED, minimum_jerk
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.limits import MotionLimits
 from egophys_core.waypoint_plan import WaypointPlan
 
 RADIANS_PER_METRE = 5.0
 """How much of a turn counts as a metre of the way."""
-
-PEAK_SPEED = 1.875
-"""Largest ds/dtau of the minimum-jerk law s = 10 tau^3 - 15 tau^4 + 6 tau^5 (at tau = 1/2)."""
-
-PEAK_ACCELERATION = 10 / np.sqrt(3)
-"""Largest d2s/dtau2 of the minimum-jerk law."""
 
 
 def poses_between(pose_at: Callable[[float], Transform], first: float, last: float, spacing: float) -> list[Transform]:
@@ -59,10 +54,7 @@ class PlannedPath:
 
 
 class StraightMove:
-    """Straight line from rest to rest with the minimum-jerk time law, as fast as the limits allow.
-
-    T. Flash and N. Hogan, J. Neurosci. 5 (1985) 1688.
-    """
+    """Straight line from rest to rest with the minimum-jerk time law, as fast as the limits allow."""
 
     def __init__(self, start: Transform, goal: Transform, limits: MotionLimits) -> None:
         self._start = start
@@ -79,7 +71,7 @@ class StraightMove:
     def pose_at(self, time: float) -> Transform:
         """Pose at a time in seconds, clamped to the move."""
         tau = min(max(time / self.duration, 0.0), 1.0) if self.duration > 0 else 1.0
-        share = tau**3 * (10 - 15 * tau + 6 * tau**2)
+        share = minimum_jerk(tau)
         return Transform(
             rotation=self._start.rotation @ Rotation.from_rotvec(share * self._turn).as_matrix(),
             translation=self._start.translation + share * self._displacement,

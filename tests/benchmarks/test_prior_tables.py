@@ -42,7 +42,7 @@ def test_ratios_are_of_the_items_that_both_have(tmp_path):
 def test_the_page_shows_every_model_that_was_measured(tmp_path):
     each = item("a")
     keep_scores(tmp_path, each, COARSE, errors(0.0123), 1.0)
-    rows = tables.table([each], tmp_path)
+    rows = [{**row, "commit": "aaaaaaa"} for row in tables.table([each], tmp_path)]
     result = {
         "rows": rows,
         "sets": {"paper": []},
@@ -58,9 +58,20 @@ def test_the_page_shows_every_model_that_was_measured(tmp_path):
             }
         ],
     }
-    page = prior_table(result, {})
+    page = prior_table(result, {"aaaaaaa": "2026-01-01T00:00:00+00:00"})
     assert "| coarse anchor only | 1 | 10.0 | 12.3 ± - |" in page
     assert "costs 1.23 times" in page
+    assert "At aaaaaaa (2026-01-01): coarse anchor only." in page
+
+
+def test_a_model_keeps_the_row_of_more_sequences():
+    def row(model: str, sequences: int, seconds: float) -> dict[str, float | str]:
+        return {"model": model, "sequences": sequences, "seconds_per_sequence": seconds}
+
+    earlier = [row(COARSE, 34, 1.0), row("codebook K=8", 34, 2.0), row("dense 25 steps", 11, 3.0)]
+    new = [row("dense 25 steps", 11, 4.0), row(COARSE, 2, 5.0), row("Spring-Gaus", 11, 6.0)]
+    found = {each["model"]: each["seconds_per_sequence"] for each in tables.with_earlier(new, earlier)}
+    assert found == {COARSE: 1.0, "codebook K=8": 2.0, "dense 25 steps": 4.0, "Spring-Gaus": 6.0}
 
 
 def test_a_row_is_json_that_says_what_it_is_of(tmp_path):

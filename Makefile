@@ -25,8 +25,10 @@ demo: build ## Video to twin to plan to arm, on a recorded episode: about 5 minu
 # The tests' matrices are small: threads of the linear algebra would wait for each other longer than they work.
 test test-all: export OPENBLAS_NUM_THREADS := 1
 
-# Files side by side: nodes and emulators have a DDS domain and addresses per process (at most 100 domains).
-PYTEST := python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# Files side by side, one more than there are cores, as nodes wait for two thirds of their time; nodes and emulators
+# have a DDS domain and addresses per process (at most 100 domains). In the order of names, the long files are not last.
+WORKERS := $(shell cores=$$(nproc); echo $$((cores < 4 ? cores + 1 : 4)))
+PYTEST := python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test: check build ## Everything but the slow tests
 	@$(IN_ENV) $(PYTEST) -m "not slow"

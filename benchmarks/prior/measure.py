@@ -34,7 +34,7 @@ CODEBOOK = "codebook K=4"
 LEARNED = (CODEBOOK, "codebook K=8", "codebook K=16", "static codebook", "direct MLP")
 """By the names under which `train` keeps their checkpoints."""
 
-DENSE_BUDGETS = (25, 50, 100, 200)
+DENSE_BUDGETS = (10, 25, 50, 100, 200)
 SPRING_GAUS = "Spring-Gaus"
 FEW_STEPS = 10
 REFINED = f"codebook K=4, then dense {FEW_STEPS} steps"

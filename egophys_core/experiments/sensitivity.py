@@ -61,9 +61,12 @@ def _mismatch(
     Graphs and grasps of other sizes, their parameters moved along slopes, are such twins; the middle one counts.
     Two honest discretisations of one cloth differ by as much as most effects move it where it buckles, and hardly where
     it hangs free. Refitted ones come nearer to what a diagnosis leaves: of a drag found from 0.84 1/m on they expected
-    1.4, moved along slopes alone 2.8 (docs/notes/experiments.md).
+    1.4, moved along slopes alone 2.8 (docs/notes/experiments.md). Of a cable there is one graph alone: it misses as
+    little as can be.
     """
     others = kind_of(model).variants(model)
+    if not others:
+        return np.zeros_like(problem.residual)
     columns = free_columns(problem.baseline)
     left = [
         residual + columns.values @ fit(residual, columns, problem.scale)

@@ -1,13 +1,14 @@
 """The choice of a motion: limits of recordings together, what counts, and what a sheet's own twin would choose."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.errors import PlanningError
-from egophys_core.experiments import PERSON, HandLimits, choice, choose, motions_for
+from egophys_core.experiments import PERSON, HandLimits, choice, choose, motions_for, sensitivity
 from egophys_core.experiments.choice import together
 from egophys_core.experiments.prediction import predicted_episode
 from egophys_core.experiments.sensitivity import limits_in
@@ -126,3 +127,16 @@ def test_a_swing_shows_drag_at_a_smaller_size_than_a_slow_drag_over_the_table():
     swing, drag = found["hang and swing at 1.5 Hz, two hands"], found["drag slowly, two hands"]
     assert 0.1 < swing < 20.0
     assert drag > 3.0 * swing
+
+
+def test_of_an_object_with_one_graph_alone_the_least_residuals_set_the_limits(monkeypatch):
+    # A cable has no variants.
+    monkeypatch.setattr(sensitivity, "kind_of", lambda model: SimpleNamespace(variants=lambda model: []))
+    model = sheet()
+    motion = next(each for each in motions_for(twin_of(model), PERSON) if each.name == "hang still, two hands")
+    episode = predicted_episode(model, motion, ground_height=0.0)
+    fine, coarse = (
+        limits_in(model, episode, ["gravity_scale"], needed_gain=50.0, least_scale=scale)[0].size or np.inf
+        for scale in (1e-4, 1e-3)
+    )
+    assert fine < 0.5 * coarse

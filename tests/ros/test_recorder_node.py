@@ -246,7 +246,8 @@ def test_messages_that_a_stalled_recorder_misses_are_counted(record, talk, clien
     recorder.pause()
     for index in range(sent):
         for each in publishers:
-            each.publish(String(data=f"{index} of a sentence that nobody has ears for"))
+            # Two megabytes in all: more than buffers of sockets and shared memory hold.
+            each.publish(String(data=f"{index} of a sentence that nobody has ears for".ljust(2500)))
     recorder.resume()
     # One more of each tells that some are missing before it.
     for each in publishers:

@@ -56,6 +56,7 @@ def test_a_cut_network_comes_back_without_the_old_connections(faulty, servoing, 
 
 
 def test_others_meddle_with_the_controller(faulty, servoing):
+    wait_until(lambda: servoing.get_state() == (0, 2), 5, "arrival")
     for fault, state, error in [("stop", 4, 0), ("mode=0", 5, 0), ("error=31", 4, 31)]:
         servoing.clean_error()
         servoing.set_state(0)

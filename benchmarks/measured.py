@@ -23,7 +23,7 @@ from benchmarks.provenance import commit
 from egophys_core.diagnosis.diagnose import Finding, diagnose, fitted_and_validation
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.evaluation import lagging_prediction, track_error_per_frame
-from egophys_core.experiments import HandLimits, next_motion
+from egophys_core.experiments import arm_hands, next_motion
 from egophys_core.identification import FitOptions, build, evaluate_twin
 from egophys_core.observation import ObservedEpisode, observe_episode
 from egophys_core.recording import read_episode
@@ -99,9 +99,7 @@ def measure(name: str) -> dict[str, Any]:
 
 def experiment(finding: Finding) -> dict[str, Any]:
     """What an arm should do next with the object, and what is expected of that; or why it can do nothing."""
-    arm = MotionLimits()
-    hands = HandLimits(hands=1, fastest_m_s=arm.max_speed_m_s, highest_m=arm.workspace_max_m[2])
-    proposal, why = next_motion(finding, hands)
+    proposal, why = next_motion(finding, arm_hands(MotionLimits()))
     if proposal is None:
         return {"refused": why}
     motion = proposal.motion

@@ -58,7 +58,7 @@ MAY_USE: dict[str, set[str]] = {
         "identification",
         "reporting",
     },
-    "experiments": {"diagnosis", "observation", "effects", "kinds", "twin", "simulation", "reporting"},
+    "experiments": {"diagnosis", "observation", "effects", "kinds", "twin", "simulation", "reporting", "robot"},
     "planning": {"recording", "twin", "simulation", "evaluation", "observation"},
     "episode_source": {"recording", "perception"},
     "replay": {"recording", "twin", "identification", "planning"},

@@ -50,13 +50,12 @@ def add_ask_arguments(parser: argparse.ArgumentParser) -> None:
 
 def hands_of(parsed: argparse.Namespace) -> "HandLimits":
     """What the hands that were chosen can do."""
-    from egophys_core.experiments import PERSON, HandLimits
+    from egophys_core.experiments import PERSON, arm_hands
     from egophys_core.robot import MotionLimits
 
     if parsed.by == "person":
         return PERSON
-    arm = MotionLimits.load(parsed.limits) if parsed.limits else MotionLimits()
-    return HandLimits(hands=1, fastest_m_s=arm.max_speed_m_s, highest_m=arm.workspace_max_m[2])
+    return arm_hands(MotionLimits.load(parsed.limits) if parsed.limits else MotionLimits())
 
 
 def rehearsed_world(folder: Path, twin: "Twin", out: Path) -> "World":

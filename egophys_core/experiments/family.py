@@ -8,6 +8,7 @@ import numpy as np
 from egophys_core.experiments.hand_path import PathWriter, ToolPath
 from egophys_core.experiments.places import axes_at_rest, extents, places_to_hold
 from egophys_core.kinds import kind_of
+from egophys_core.robot import MotionLimits
 from egophys_core.twin import Twin
 
 LONGEST_S = 12.0
@@ -48,6 +49,11 @@ class HandLimits:
 
 PERSON = HandLimits(hands=2, fastest_m_s=1.2, highest_m=0.6)
 """A person at a table."""
+
+
+def arm_hands(limits: MotionLimits) -> HandLimits:
+    """What an arm can do within its limits."""
+    return HandLimits(hands=1, fastest_m_s=limits.max_speed_m_s, highest_m=limits.workspace_max_m[2])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from egophys_core.errors import PlanningError
-from egophys_core.experiments import PERSON, HandLimits, motions_for
+from egophys_core.experiments import PERSON, HandLimits, arm_hands, motions_for
 from egophys_core.experiments.family import LONGEST_S
 from egophys_core.experiments.hand_path import plan_of_path
 from egophys_core.experiments.places import places_to_hold
@@ -40,8 +40,7 @@ def test_an_arm_may_execute_all_that_is_written_for_it(body):
     nodes = model.graph.positions + np.float32([0.42, 0.0, 0.0])
     reached = replace(model, graph=replace(model.graph, positions=nodes))
     own = MotionLimits()
-    limits = HandLimits(hands=1, fastest_m_s=own.max_speed_m_s, highest_m=own.workspace_max_m[2])
-    for motion in motions_for(twin_of(reached), limits):
+    for motion in motions_for(twin_of(reached), arm_hands(own)):
         check_plan(plan_of_path(motion.paths[0], ""), own, Transform.identity())
 
 

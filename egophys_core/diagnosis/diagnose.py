@@ -226,13 +226,13 @@ def _best_predicting(
         observations: those of the given episodes first.
         given: so many.
     """
-    baselines = between(without, fitted)
-    beside = [replace(each, effects=fitted.effects) for each in baselines]
-    errors = [free_errors(each, [*baselines, *beside]) for each in observations]
-    count = len(baselines)
+    baselines, effects = between(without, fitted), fitted.effects
+    beside = [replace(each, effects=effects) for each in baselines] if effects else []
+    tried, count = [*baselines, *beside], len(baselines)
+    errors = [free_errors(each, tried) for each in observations]
     first = best_predicting([each[:count] for each in errors[:given]])
-    last = best_predicting([each[count:] for each in errors[:given]])
-    return baselines[first], beside[last], [(each[first], each[count + last]) for each in errors]
+    last = len(beside) + best_predicting([each[-count:] for each in errors[:given]])
+    return tried[first], tried[last], [(each[first], each[last]) for each in errors]
 
 
 def fitted_and_validation(episodes: Sequence[Item]) -> tuple[Sequence[Item], Sequence[Item]]:

@@ -136,7 +136,7 @@ class Engine:
         """
         segment = self._segment(frame)
         if self.codebook is not None and self.codebook.asked[frame] == frame:
-            self.set_stiffness(segment.attachments)
+            self.codebook.set_stiffness(self.state, self.parameters, self.springs, segment.attachments)
         if self.effect_rates.follows or self.codebook is not None:
             segment = replace(segment, substeps=self._substeps(segment.durations, self._rates(segment)))
         self.segments.append(segment)
@@ -149,11 +149,6 @@ class Engine:
         frames = np.full(self.batch.count, frame)
         self.advance(self.state, int(segment.substeps.max()), self.frame_inputs(frames, segment))
         self._record_divergence(frame, segment)
-
-    def set_stiffness(self, attachments: Sequence[Attachments]) -> None:
-        """Ask the codebook, if there is one, how stiff springs are from the present state on, held like that."""
-        if self.codebook is not None:
-            self.codebook.set_stiffness(self.state, self.parameters, self.springs, attachments)
 
     def _segment(self, frame: int) -> Segment:
         """The last one, unless contacts begin or end or the frame lasts longer or shorter."""

@@ -207,7 +207,7 @@ class _BackwardPass:
         if engine.codebook is not None:
             asked = engine.codebook.asked[frames]
             self._set_state(asked)
-            engine.set_stiffness(self._attachments(asked))
+            engine.codebook.set_stiffness(engine.state, engine.parameters, engine.springs, self._attachments(asked))
         self._set_state(frames)
         segment = self._segment(frames, active)
         tape = self._tape(engine.frame_inputs(frames, segment), segment)

@@ -21,11 +21,13 @@ CENTRES = (0.25, 0.375, 0.5, 0.625, 0.75)
 """Where between the ends of what is seen the search for a centre may begin, along each axis."""
 
 CLOSED, NEAR = 0.96, 1.5
-"""Share of the hull, but for the foot, within so many spacings of a point from which on no side counts as hidden: 0.82
-to 0.92 of what one camera sees of a solid, 0.99 and more of one whose hidden side was inferred already."""
+"""Share of the hull, but for the foot, within so many spacings of a point from which on points lie all around: 0.82
+to 0.92 of what one camera sees of a solid, 0.99 and more of one whose hidden side was inferred already. What is seen
+all around, if sparsely at the back, is only rounded out: no image may lie farther outside than that (right ones lie up
+to 1.04 spacings outside, wrong ones beside it 5.7 and more), and its hull gets nodes wherever there are none."""
 
 SAMPLES = 2000
-"""Places on the hull that tell it."""
+"""Places on a hull that stand for all of it."""
 
 FOOT = 0.3
 """Of the spacing: height above the lowest point up to which an object stands on the table."""
@@ -34,7 +36,9 @@ FOOT = 0.3
 def inside_of(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     """[I, 3] the nodes of a solid that are not seen, of points [P, 3], their spacing and the table's height, metres."""
     try:
-        shell = np.concatenate([points, _hidden(points, spacing, ground)])
+        closed = _is_closed(points, spacing)
+        farthest = NEAR * spacing if closed else np.inf
+        shell = np.concatenate([points, _hidden(points, spacing, ground, farthest)])
     except QhullError:
         return np.zeros((0, 3))
     lowest = float(shell[:, 2].min())
@@ -43,6 +47,9 @@ def inside_of(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     shell[len(points) :][stands[len(points) :], 2] = lowest
     foot = _thinned(shell[stands] * [1, 1, 0] + [0, 0, lowest], shell, spacing)
     shell = np.concatenate([shell, foot])
+    if closed:
+        # Nodes are of equal mass: at a back of which little is seen it would be too light.
+        shell = np.concatenate([shell, _thinned(_on_hull(shell), shell, spacing)])
     return np.concatenate([shell[len(points) :], _fill(shell, spacing)])
 
 
@@ -56,16 +63,14 @@ def _thinned(points: np.ndarray, others: np.ndarray, spacing: float) -> np.ndarr
     return kept
 
 
-def _hidden(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
+def _hidden(points: np.ndarray, spacing: float, ground: float, farthest: float) -> np.ndarray:
     """[H, 3] the side a camera does not see, if the object has one of the symmetries toys and boxes have.
 
     Without its back an object is too light there, falls over where the real one lies still, and hangs askew from a
-    hand. An image must not lie inside of what is seen, nor under the table, and no farther outside than it has to; and
-    what is seen must not lie inside of both.
+    hand. An image must not lie inside of what is seen, nor under the table, and no farther outside than it has to, at
+    most `farthest` metres; and what is seen must not lie inside of both.
     """
     seen = ConvexHull(points)
-    if _is_closed(points, seen, spacing):
-        return np.zeros((0, 3))
     hull, hull_points = seen.equations, seen.vertices
     low, high = points.min(axis=0), points.max(axis=0)
 
@@ -98,7 +103,8 @@ def _hidden(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     shell = points
     for signs, cost, centre in found:
         image = signs * points + (1.0 - signs) * centre
-        if cost <= ALIKE * least and buried(image) <= SYMMETRIC * spacing:
+        fits = buried(image) <= SYMMETRIC * spacing and _heights(image, hull).max() <= farthest
+        if cost <= ALIKE * least and fits:
             # What has two symmetries has their product as well.
             shell = np.concatenate([shell, signs * shell + (1.0 - signs) * centre])
     hidden = shell[len(points) :]
@@ -107,15 +113,20 @@ def _hidden(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     return _thinned(hidden, points, spacing)
 
 
-def _is_closed(points: np.ndarray, hull: ConvexHull, spacing: float) -> bool:
-    """Whether points [P, 3] lie all around an object, but for its foot. Images of that would lie beside it."""
-    corners = points[hull.simplices]
+def _is_closed(points: np.ndarray, spacing: float) -> bool:
+    """Whether points [P, 3] lie all around an object, but for its foot."""
+    places = _on_hull(points)
+    places = places[places[:, 2] > points[:, 2].min() + FOOT * spacing]
+    return bool((cKDTree(points).query(places)[0] < NEAR * spacing).mean() > CLOSED)
+
+
+def _on_hull(points: np.ndarray) -> np.ndarray:
+    """[SAMPLES, 3] places all over the hull of points [P, 3], the same ones each time."""
+    corners = points[ConvexHull(points).simplices]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     generator = np.random.default_rng(0)
     chosen = corners[generator.choice(len(corners), SAMPLES, p=area / area.sum())]
-    places = np.einsum("sk,skd->sd", generator.dirichlet(np.ones(3), SAMPLES), chosen)
-    places = places[places[:, 2] > points[:, 2].min() + FOOT * spacing]
-    return bool((cKDTree(points).query(places)[0] < NEAR * spacing).mean() > CLOSED)
+    return np.einsum("sk,skd->sd", generator.dirichlet(np.ones(3), SAMPLES), chosen)
 
 
 def _heights(points: np.ndarray, hull: np.ndarray) -> np.ndarray:

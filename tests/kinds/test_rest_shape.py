@@ -170,6 +170,16 @@ def test_an_ellipsoid_seen_from_low_gets_its_back(turn):
 
 
 @pytest.mark.parametrize("turn", [LEVEL, ROLLED], ids=["level", "rolled"])
+def test_a_back_of_which_little_is_seen_weighs_as_much_as_the_front(turn):
+    front, centre = seen_of_ellipsoid(turn, count=200)
+    behind = seen_of_ellipsoid(turn, count=200, camera=-ABOVE)[0]
+    seen = np.concatenate([front, behind[::6]])
+    assert np.linalg.norm(seen.mean(axis=0) - centre) > 0.01
+    shape = shape_of(at_rest(seen))
+    assert np.linalg.norm(shape.positions.astype(np.float64).mean(axis=0) - centre) < 0.003
+
+
+@pytest.mark.parametrize("turn", [LEVEL, ROLLED], ids=["level", "rolled"])
 def test_the_back_is_no_surface_and_lies_on_the_table_not_under_it(turn):
     seen = seen_of_ellipsoid(turn, seat=0.7)[0]
     shape = shape_of(at_rest(seen))

@@ -32,11 +32,16 @@ RADIUS, NEIGHBOURS = 2.5, 24
 """Length of the longest springs, in units of the node spacing, and how many a node asks for: with fewer a toy gives way
 on the few nodes that it stands on, however stiff its springs are (docs/notes/pushes.md)."""
 
+GRIP_SHARES = (0.4, 1.0)
+"""Of the radius within which it moves with a hand, the part that is held: stuffing comes along beyond that. How wide it
+is held decides how firmly it is kept from turning in the hand (docs/notes/grips.md)."""
+
 SEARCHED = (
     Searched(name="stiffness_rate", low=3e4, high=1e6, start=3e5, logarithmic=True),
     *searched_of_springs(most_damping=MOST_DAMPING),
     Searched(name="drag", low=0.01, high=5.0, start=0.1, logarithmic=True),
     Searched(name="collision_friction", low=0.0, high=1.5, start=0.1),
+    Searched(name="grip_share", low=GRIP_SHARES[0], high=GRIP_SHARES[1], start=0.8),
 )
 
 SIZES = VariantSizes(
@@ -61,7 +66,8 @@ def model_of(shape: RestShape, value: Mapping[str, float], ground_height: float)
     own |= {"strain_limit": 1e6, "ground_projection": 0.0}
     value = {**value, "object_radius": RADIUS, "object_neighbours": NEIGHBOURS}
     rests_at = resting_height(shape.positions) - ground_height if shape.lies else 0.0
-    model = spring_model(shape, value, own, bends=False, rests_at=rests_at)
+    held = replace(shape, grasp_radius=value["grip_share"] * shape.grasp_radius)
+    model = spring_model(held, value, own, bends=False, rests_at=rests_at)
     if not shape.lies:
         return model
     compliance = 1.0 / model.parameters.stiffness

@@ -32,7 +32,7 @@ from egophys_core.rehearsal.injection import injected_sizes
 
 RESULT = Path(__file__).parent / "results/asked.json"
 
-DRAWN = 20261128_02
+DRAWN = 20261128_03
 """Seed of the objects and motions of this table."""
 
 MOST_ASKED = 2
@@ -47,6 +47,7 @@ NONE_SETS = 40
 
 AIMS = (
     ("quadratic_drag", RehearsalObject.SHEET),
+    ("uneven_mass", RehearsalObject.ELLIPSOID),
     ("gravity_scale", RehearsalObject.SHEET),
     ("gravity_tilt", RehearsalObject.SHEET),
     ("constant_body_force", RehearsalObject.SHEET),
@@ -80,7 +81,7 @@ def cases() -> list[AskedCase]:
     """Of every kind some from the first on, so that a part of the table is like the whole."""
     random = np.random.default_rng(DRAWN)
     injected = [(name, size, str(body)) for size in ("large", "small") for name, body in AIMS]
-    objects = [str(each) for each in (RehearsalObject.SHEET, RehearsalObject.ELLIPSOID)]
+    objects = [str(each) for each in (RehearsalObject.ELLIPSOID, RehearsalObject.SHEET)]
     nothing = [("none", "", objects[index % len(objects)]) for index in range(NONE_SETS)]
     rounds = [each for pair in zip(injected, nothing, strict=False) for each in pair] + nothing[len(injected) :]
     seeds = random.choice(np.arange(10_000, 100_000), size=len(rounds), replace=False)

@@ -12,13 +12,16 @@ from egophys_core.identification.coarse import fit_coarse
 from egophys_core.identification.dense import fit_dense
 from egophys_core.identification.fit import Fit, Progress
 from egophys_core.identification.options import FitOptions, StiffnessOption
-from egophys_core.kinds.kind import RestShape
+from egophys_core.kinds.kind import RestShape, Touch
 from egophys_core.kinds.rest_shape import rest_shape
 from egophys_core.observation import FitProblem, ObservedEpisode, prepare
 from egophys_core.observation.grasp_radius import grasp_radius
 from egophys_core.prior import default_codebook, load_codebook, with_prior
 from egophys_core.simulation import ContactKind, as_they_were
 from egophys_core.twin import Codebook
+
+TOUCHES = {Touch.HELD: ContactKind.HOLD, Touch.PRESSED: ContactKind.PRESS}
+"""The contacts in which hands do so."""
 
 SEARCH_SHARE, DENSE_SHARE = 0.6, 0.35
 """Parts of the progress bar that the search and the dense refinement take; without the latter the search has both."""
@@ -96,7 +99,13 @@ def shape_to_search(observed: Sequence[ObservedEpisode], options: FitOptions) ->
         max_nodes=options.max_nodes,
         kind=options.named_kind,
     )
-    return replace(shape, grasp_radius=grasp_radius(observed), lies=not first.hangs)
+    kinds = {contact.kind for each in observed for hand in each.hands for contact in hand.contacts}
+    return replace(
+        shape,
+        grasp_radius=grasp_radius(observed),
+        lies=not first.hangs,
+        touches=frozenset(touch for touch, kind in TOUCHES.items() if kind in kinds),
+    )
 
 
 def _prior(options: FitOptions) -> Codebook | None:

@@ -6,6 +6,7 @@ seen all over its surface, from a few markers on it, or from either: `FromSurfac
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -19,6 +20,13 @@ FIST_RADIUS = 0.045
 
 FOOT_M = 0.0025
 """Metres above an object's lowest node up to which nodes are part of its foot."""
+
+
+class Touch(StrEnum):
+    """What hands do with an object."""
+
+    HELD = "held"
+    PRESSED = "pressed"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +46,8 @@ class RestShape:
     """Whether it lies on the table, or hangs in hands."""
     grasp_radius: float = FIST_RADIUS
     """Metres around each point of a hand within which it holds."""
+    touches: frozenset[Touch] = frozenset(Touch)
+    """What hands did with it in the recordings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +59,8 @@ class Searched:
     high: float
     start: float
     logarithmic: bool = False
+    shown_by: Touch | None = None
+    """What hands must have done for it to show: what they did not is not searched, and stays at its start."""
 
     def value(self, u: float) -> float:
         """The number at normalised coordinate u."""
@@ -96,12 +108,18 @@ class FromSurface:
 
     def numbers(self, shape: RestShape) -> tuple[Searched, ...]:
         """The numbers of the coarse fit of a shape."""
-        return self.searched if shape.lies or self.searched_hanging is None else self.searched_hanging
+        return tuple(
+            each for each in self._all_numbers(shape) if each.shown_by is None or each.shown_by in shape.touches
+        )
 
     def candidate(self, shape: RestShape, coordinates: np.ndarray, *, ground_height: float) -> ObjectModel:
         """The model at normalised coordinates [D] in 0..1 of the searched numbers."""
-        numbers = zip(self.numbers(shape), coordinates, strict=True)
-        return self.model(shape, {number.name: number.value(u) for number, u in numbers}, ground_height)
+        values = {number.name: number.start for number in self._all_numbers(shape)}
+        searched = zip(self.numbers(shape), coordinates, strict=True)
+        return self.model(shape, values | {number.name: number.value(u) for number, u in searched}, ground_height)
+
+    def _all_numbers(self, shape: RestShape) -> tuple[Searched, ...]:
+        return self.searched if shape.lies or self.searched_hanging is None else self.searched_hanging
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from egophys_core.effects.traits import Need
-from egophys_core.kinds.kind import FittedParameter, FromSurface, Kind, RestShape, Searched, equal_masses
+from egophys_core.kinds.kind import FittedParameter, FromSurface, Kind, RestShape, Searched, Touch, equal_masses
 from egophys_core.kinds.kind import height_of_foot as resting_height
 from egophys_core.kinds.spring_body import (
     TOTAL_MASS,
@@ -40,8 +40,8 @@ SEARCHED = (
     Searched(name="stiffness_rate", low=3e4, high=1e6, start=3e5, logarithmic=True),
     *searched_of_springs(most_damping=MOST_DAMPING),
     Searched(name="drag", low=0.01, high=5.0, start=0.1, logarithmic=True),
-    Searched(name="collision_friction", low=0.0, high=1.5, start=0.1),
-    Searched(name="grip_share", low=GRIP_SHARES[0], high=GRIP_SHARES[1], start=0.8),
+    Searched(name="collision_friction", low=0.0, high=1.5, start=0.1, shown_by=Touch.PRESSED),
+    Searched(name="grip_share", low=GRIP_SHARES[0], high=GRIP_SHARES[1], start=0.8, shown_by=Touch.HELD),
 )
 
 SIZES = VariantSizes(

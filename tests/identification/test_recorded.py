@@ -7,7 +7,9 @@ import pytest
 
 from egophys_core.evaluation import baseline_scores
 from egophys_core.identification import FitOptions, build
-from egophys_core.observation import contact_flags, find_hands
+from egophys_core.identification.surface_fit import shape_to_search
+from egophys_core.kinds.kind import Touch
+from egophys_core.observation import contact_flags, find_hands, observe_episode
 from egophys_core.recording import EpisodeWarning, read_episode
 from egophys_core.simulation import ContactKind
 
@@ -45,6 +47,12 @@ def test_hands_that_hold_do_from_one_second_to_the_end(name, hands):
         assert contact[0] == ContactKind.HOLD
         assert 30 <= contact[1] <= 33
         assert contact[2] == 209
+
+
+@pytest.mark.parametrize(("episode", "touches"), [(0, {Touch.HELD}), (3, {Touch.PRESSED})])
+def test_a_search_knows_what_hands_did(episode, touches):
+    toy = observe_episode(recorded(f"open/plush_lump/episode_{episode}.mcap"))
+    assert shape_to_search([toy], FitOptions()).touches == touches
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from egophys_core.kinds import KINDS, node_masses
-from egophys_core.kinds.kind import RestShape
+from egophys_core.kinds import KINDS, kind_named, node_masses
+from egophys_core.kinds.kind import RestShape, Touch
+from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.kinds.spring_body import spring_graph
 from egophys_core.twin import SpringKind, connected_components
 from tests.identification.synthetic import SPACING, candidate, searched_numbers, sheet_shape
@@ -68,6 +69,32 @@ def test_solid_has_no_bending_springs_and_no_strain_limit():
     assert (model.graph.kinds == SpringKind.STRUCTURAL).all()
     assert model.parameters.strain_limit >= 1e6
     assert model.parameters.ground_projection == 0.0
+
+
+@pytest.mark.parametrize(
+    ("touch", "shown", "hidden"),
+    [(Touch.HELD, "grip_share", "collision_friction"), (Touch.PRESSED, "collision_friction", "grip_share")],
+)
+def test_what_hands_did_not_show_is_not_searched(touch, shown, hidden):
+    flat = sheet_shape(4)
+    shape = RestShape(
+        positions=flat.positions,
+        surface=flat.surface,
+        kind="solid",
+        spacing=SPACING,
+        grasp_radius=0.05,
+        touches=frozenset({touch}),
+    )
+    body = surface_model(kind_named("solid"))
+    numbers = {number.name: number for number in body.numbers(shape)}
+    assert shown in numbers
+    assert hidden not in numbers
+    firmest = body.candidate(shape, np.ones(len(numbers)), ground_height=0.0).parameters
+    start = next(number.start for number in body.searched if number.name == hidden)
+    searched = numbers[shown].high
+    assert (firmest.controller_radius / 0.05, firmest.collision_friction) == pytest.approx(
+        (searched, start) if touch is Touch.HELD else (start, searched)
+    )
 
 
 def test_stiffness_is_per_node_mass():

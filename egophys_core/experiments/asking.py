@@ -105,7 +105,13 @@ def diagnose_and_ask(
         elif world is None or len(asked) == most:
             ended = f"{len(asked)} motions were asked for, as many as allowed"
         else:
-            proposal, ended = next_motion(finding, limits, without=without, progress=part(2 * len(asked) + 1))
+            proposal, ended = next_motion(
+                finding,
+                limits,
+                without=without,
+                done=[each.proposal.motion.name for each in asked],
+                progress=part(2 * len(asked) + 1),
+            )
             if proposal is not None:
                 asked.append(Asked(proposal=proposal, before=finding))
                 recorded.insert(0, world(proposal, len(asked)))
@@ -123,6 +129,7 @@ def next_motion(
     limits: HandLimits,
     *,
     without: Sequence[str] = (),
+    done: Sequence[str] = (),
     progress: Progress = lambda stage, share: None,
 ) -> tuple[Proposal | None, str]:
     """The motion to do next, or why there is none.
@@ -131,6 +138,7 @@ def next_motion(
         finding: what is known, and the twin that follows from it.
         limits: what hands can do.
         without: effects that are not asked about.
+        done: names of motions that were asked for already.
         progress: called with stage and share done.
     """
     content = finding.diagnosis.as_dict()
@@ -141,6 +149,7 @@ def next_motion(
             limits,
             known=known_limits(content),
             rivals=rivals(content),
+            done=done,
             needed_gain=Thresholds().least_gain,
             least_scale=finding.diagnosis.where.size_m,
             progress=progress,

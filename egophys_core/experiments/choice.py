@@ -40,6 +40,7 @@ def choose(
     *,
     known: Sequence[DetectionLimit] = (),
     rivals: Collection[str] = (),
+    done: Collection[str] = (),
     needed_gain: float,
     least_scale: float,
     progress: Callable[[str, float], None] = lambda stage, share: None,
@@ -51,14 +52,18 @@ def choose(
         effects: names of those that are asked about.
         known: detection limits of the recordings there are.
         rivals: effects that these cannot tell apart: a motion in which they look alike says nothing of them.
+        done: names of motions that were asked for already: `known` says what they showed, and that was not enough.
         needed_gain: in log-likelihood, to be named.
         least_scale: metres, residuals that the twin has at least.
         progress: called with stage and share done.
 
     Raises:
-        PlanningError: hands can do none of the motions with the object, or the twin can be simulated in none.
+        PlanningError: hands can do none of the motions with the object, or no other, or the twin can be simulated in
+            none.
     """
-    motions = motions_for(twin, limits)
+    motions = [motion for motion in motions_for(twin, limits) if motion.name not in done]
+    if not motions:
+        raise PlanningError(f"hands can do no motion with the object but those that were asked for: {', '.join(done)}")
     shown: dict[str, tuple[DetectionLimit, ...]] = {}
 
     def limits_of(motion: HandMotion, *, refitted: bool) -> tuple[DetectionLimit, ...]:

@@ -20,7 +20,7 @@ class MadeUpLab:
 
     def __init__(self, monkeypatch, *outcomes, score=1.0, refusal=None):
         self.outcomes, self.score, self.refusal = list(outcomes), score, refusal
-        self.diagnosed, self.asked_about, self.told = [], [], []
+        self.diagnosed, self.asked_about, self.told, self.done = [], [], [], []
         monkeypatch.setattr(asking, "diagnose", self.diagnose)
         monkeypatch.setattr(asking, "choose", self.choose)
 
@@ -37,7 +37,8 @@ class MadeUpLab:
             raise PlanningError(self.refusal)
         assert twin == "improved"
         self.asked_about.append((list(effects), list(rest["known"])))
-        return [SimpleNamespace(score=self.score, motion=None)]
+        self.done.append(list(rest["done"]))
+        return [SimpleNamespace(score=self.score, motion=SimpleNamespace(name=f"motion {len(self.done)}"))]
 
     def world(self, proposal, number):
         return f"asked {number}"
@@ -61,6 +62,7 @@ def test_it_asks_until_it_is_decided_and_fits_what_it_asked_for_first(monkeypatc
     assert answer.finding.diagnosis.outcome is Outcome.NAMED
     assert [each.before.diagnosis.outcome for each in answer.asked] == [Outcome.NONE, Outcome.NONE]
     assert lab.asked_about[0][1] == [DRAG]
+    assert lab.done == [[], ["motion 1"]]
 
 
 def test_every_diagnosis_knows_the_loads_and_how_often_was_asked(monkeypatch):

@@ -77,6 +77,15 @@ def test_what_recordings_show_already_counts_for_little(monkeypatch):
     assert chosen(monkeypatch, shown, known=[replace(DRAG, size=0.5)])[0] == "drag fast, one hand"
 
 
+def test_a_motion_that_was_done_is_not_proposed_again(monkeypatch):
+    shown = {"hang still, one hand": (replace(DRAG, size=1.0),), "drag fast, one hand": (replace(DRAG, size=2.0),)}
+    assert chosen(monkeypatch, shown)[0] == "hang still, one hand"
+    assert chosen(monkeypatch, shown, done=["hang still, one hand"]) == ["drag fast, one hand"]
+    every = [each.name for each in motions_for(twin_of(sheet()), PERSON)]
+    with pytest.raises(PlanningError, match=r"no motion .* but those that were asked for: "):
+        chosen(monkeypatch, shown, done=every)
+
+
 def test_a_twin_that_can_be_simulated_in_no_motion_is_refused(monkeypatch):
     def fail(*_, **__):
         raise PlanningError("it diverges")

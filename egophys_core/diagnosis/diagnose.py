@@ -3,6 +3,7 @@
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import compress
 from typing import TypeVar
 
@@ -27,6 +28,7 @@ from egophys_core.diagnosis.evidence.predicting_twin import best_predicting, bet
 from egophys_core.diagnosis.evidence.refit import Fitted
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, acceleration, observe, track_offsets
 from egophys_core.diagnosis.evidence.where import where
+from egophys_core.diagnosis.hypotheses.attained_gain import attained_gain
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.diagnosis.hypotheses.search import Search
@@ -328,10 +330,12 @@ def _limits(problem: DiagnosisProblem, first: Search, fitted: Fitted) -> tuple[D
     count, own = len(problem.observations), len(first.before.parameters)
     if count < 2:
         return ()
+    twin = replace(fitted, parameters=fitted.parameters[:own], jacobian=[each[..., :own] for each in fitted.jacobian])
     return detection_limits(
-        linear_problem(fitted.residuals, [each[..., :own] for each in fitted.jacobian], fitted.scale),
+        linear_problem(twin.residuals, twin.jacobian, twin.scale),
         first.probes,
         needed_gain=problem.thresholds.gain_alone(fitted=count, validated=bool(problem.validation)),
+        attained=partial(attained_gain, problem.observations, twin),
     )
 
 

@@ -73,6 +73,8 @@ class TrackedEpisode:
     """Whether a clamp holds it that stands still, and was set up anew for this record."""
     record: Episode | None = None
     """Of markers: the whole record, with what came before rollouts begin."""
+    added: np.ndarray | None = None
+    """[B, Q, 3] metres by which all residuals are changed: as if another world had been recorded."""
 
     @property
     def episode(self) -> Episode:
@@ -121,7 +123,9 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
     tracks, rest = observed_tracks(problem, graph.surface, observed), observed.at_rest
     centres = rest[farthest_points(rest, PATCHES)]
     times = observed.episode.times
-    blocks = np.floor((times - times[touched]) / BLOCK_S).astype(int)
+    # Half a frame more, so that rounding moves no frame to the next block.
+    half = 0.5 * float(np.median(np.diff(times)))
+    blocks = np.floor((times - times[touched] + half) / BLOCK_S).astype(int)
     return TrackedEpisode(
         problem=problem,
         tracks=tracks,
@@ -244,5 +248,7 @@ def _left_in_blocks(observation: TrackedEpisode, offsets: np.ndarray, diverged: 
         means = innovations(means)
     elif observation.mounted:
         means = beside_mounting(means)
+    if observation.added is not None:
+        means = means + observation.added
     found[~diverged] = means[~diverged]
     return found

@@ -2,11 +2,12 @@
 
 An effect of a size is put into the residuals that the recordings left, as its slopes have it, and it is asked what a
 fit with it would gain on left-out data. So the limit grows with what the twin misses anyway, with noise, and with how
-much of the effect the object's own parameters can take up.
+much of the effect the object's own parameters can take up. How much that is slopes do not say: at the size that they
+give the twin is refitted, and the limit is moved to where that gains what is needed (docs/notes/experiments.md).
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from egophys_core.diagnosis.evidence.linear_problem import (
 )
 from egophys_core.diagnosis.evidence.refit import CORRELATED, PRIOR_STEPS
 from egophys_core.diagnosis.hypotheses.ranking import Probe
-from egophys_core.diagnosis.least_size import least_share
+from egophys_core.diagnosis.least_size import corrected_share, least_share
 
 NARROWINGS = 7
 """Bisections of a limit: from a range of a thousand to some percent."""
@@ -30,8 +31,23 @@ ALIKE_SHARE = 0.9
 """Of what an effect at its limit leaves in the residuals: what another takes up of it makes both look alike."""
 
 
+Attained = Callable[[Probe, str, float], float | None]
+"""The gain of one size of an effect, so many steps from null, after a refit of the twin without it; None if unknown."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Way:
+    """One size of an effect, to the side that shows it less."""
+
+    size: str
+    end: float
+    """Steps from null to its bound there."""
+    share: float | None
+    """Of these from which it gains what is needed; None where it never does."""
+
+
 def detection_limits(
-    problem: LinearProblem, probes: Sequence[Probe], *, needed_gain: float
+    problem: LinearProblem, probes: Sequence[Probe], *, needed_gain: float, attained: Attained | None = None
 ) -> tuple[DetectionLimit, ...]:
     """The limit of every size of every effect, of several starts of an effect that of the middle one.
 
@@ -39,6 +55,7 @@ def detection_limits(
         problem: the linear problem at the twin that the probes' slopes are of.
         probes: what effects do to the residuals, at all of their starts.
         needed_gain: in log-likelihood, on data that are left out.
+        attained: what refits say; without, slopes alone count.
     """
     typical = {name: _middle_start(problem, group) for name, group in _by_effect(probes).items()}
     columns = {name: each.columns(problem.column(each.slopes)) for name, each in typical.items()}
@@ -47,23 +64,45 @@ def detection_limits(
     left = {name: _beside_baseline(problem, each.values) for name, each in columns.items()}
     found = []
     for name, probe in typical.items():
-        for index, size in enumerate(probe.sizes):
-            parameter = next(each for each in effect_parameters(probe.effect) if each.definition.name == size)
+        ways = [_way(problem, columns[name], index, size, needed[name]) for index, size in enumerate(probe.sizes)]
+        if attained is not None and ways:
+            ways = _moved(ways, probe, needed[name], attained)
+        for index, way in enumerate(ways):
+            parameter = next(each for each in effect_parameters(probe.effect) if each.definition.name == way.size)
             definition = parameter.definition
             assert definition.null is not None  # else it would say no size
-            steps = _least_steps(problem, columns[name], index, needed[name])
-            there = parameter.value_at(parameter.position_of(probe.null[size]) + (steps or 0.0))
+            steps = 0.0 if way.share is None else way.share * way.end
+            there = parameter.value_at(parameter.position_of(probe.null[way.size]) + steps)
             found.append(
                 DetectionLimit(
                     effect=name,
-                    parameter=size,
+                    parameter=way.size,
                     unit=definition.unit,
                     null=definition.null,
-                    size=None if steps is None else abs(there - definition.null),
-                    alike=() if steps is None else _alike(name, left[name][:, index], left),
+                    size=None if way.share is None else abs(there - definition.null),
+                    alike=() if way.share is None else _alike(name, left[name][:, index], left),
                 )
             )
     return tuple(found)
+
+
+def _moved(ways: Sequence[_Way], probe: Probe, needed_gain: float, attained: Attained) -> list[_Way]:
+    """The limits moved to where refits attain what is needed: by as much as that of the size that shows least.
+
+    Of sizes that slopes say never show, only one that is alone is looked for: to its bound.
+    """
+    seen = [each for each in ways if each.share is not None]
+    way = max(seen, key=lambda each: each.share or 0.0, default=ways[0])
+    if not seen and len(ways) > 1:
+        return list(ways)
+    first = 1.0 if way.share is None else way.share
+    share = corrected_share(lambda part: attained(probe, way.size, part * way.end), needed_gain, first=first)
+    if way.share is None:
+        return [replace(way, share=share)]
+    if share is None:
+        return [replace(each, share=None) for each in ways]
+    moved = [None if each.share is None else each.share * share / first for each in ways]
+    return [replace(each, share=None if by is None or by > 1.0 else by) for each, by in zip(ways, moved, strict=True)]
 
 
 def _by_effect(probes: Sequence[Probe]) -> Mapping[str, list[Probe]]:
@@ -87,21 +126,16 @@ def _beside_baseline(problem: LinearProblem, values: np.ndarray) -> np.ndarray:
     return np.asarray(slopes - own @ np.linalg.solve(own.T @ own + prior, own.T @ slopes))
 
 
-def _least_steps(problem: LinearProblem, columns: Columns, index: int, needed_gain: float) -> float | None:
-    """Steps of one size, to whichever side shows it less, from which it gains as much as is needed."""
-    ends = [end for end in (columns.low[index], columns.high[index]) if end]
-    sides = [_least_steps_towards(problem, columns, index, end, needed_gain) for end in ends]
-    if not sides or any(each is None for each in sides):
-        return None
-    return max((each for each in sides if each is not None), key=abs)
+def _way(problem: LinearProblem, columns: Columns, index: int, size: str, needed_gain: float) -> _Way:
+    """One size of an effect, to whichever side shows it less, by slopes."""
+    ends = [float(end) for end in (columns.low[index], columns.high[index]) if end]
+    ways = [_Way(size=size, end=end, share=_least_share(problem, columns, index, end, needed_gain)) for end in ends]
+    return max(ways, key=lambda each: np.inf if each.share is None else abs(each.share * each.end))
 
 
-def _least_steps_towards(
-    problem: LinearProblem, columns: Columns, index: int, end: float, needed_gain: float
-) -> float | None:
-    """The same to one side, up to a bound; None where it does not gain that much there."""
-    share = least_share(lambda part: _gain_of(problem, columns, index, part * end), needed_gain, narrowings=NARROWINGS)
-    return None if share is None else end * share
+def _least_share(problem: LinearProblem, columns: Columns, index: int, end: float, needed_gain: float) -> float | None:
+    """Of the steps to one bound, the share from which it gains as much as is needed; None where it never does."""
+    return least_share(lambda part: _gain_of(problem, columns, index, part * end), needed_gain, narrowings=NARROWINGS)
 
 
 def _gain_of(problem: LinearProblem, columns: Columns, index: int, steps: float) -> float:

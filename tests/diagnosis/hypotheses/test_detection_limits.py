@@ -81,3 +81,48 @@ def test_effects_that_do_the_same_are_alike_and_others_are_not():
 def test_of_several_starts_the_middle_one_counts():
     middle = limits(drag(2e-4))["quadratic_drag"]
     assert limits(drag(1e-5), drag(2e-4), drag(2e-3))["quadratic_drag"] == middle
+
+
+def attained_limits(gain, *probes):
+    """With refits that attain a gain at each number of steps."""
+    found, jacobian = [drawn(10, 1e-3), drawn(11, 1e-3)], [np.zeros((*SHAPE, 0))] * 2
+    limits = detection_limits(
+        linear_problem(found, jacobian, 1e-3), probes, needed_gain=NEEDED, attained=lambda _, size, steps: gain(steps)
+    )
+    return {each.parameter: each.size for each in limits}
+
+
+def test_where_a_twin_bends_the_limit_is_moved_to_where_refits_gain_enough():
+    own = drag(2e-4)
+    step = next(each.step for each in LIBRARY["quadratic_drag"].parameters if each.name == "coefficient")
+    by_slopes = limits(own)["quadratic_drag"].size
+    steps = 3.0 * by_slopes / step
+    found = attained_limits(lambda there: NEEDED * (there / steps) ** 2, own)
+    assert found["coefficient"] == pytest.approx(3.0 * by_slopes, rel=0.05)
+
+
+def test_what_a_twin_can_bend_to_at_any_size_is_never_seen():
+    assert attained_limits(lambda there: NEEDED / 3.0, drag(2e-4)) == {"coefficient": None}
+
+
+def test_what_cannot_be_simulated_keeps_what_slopes_say():
+    own = drag(2e-4)
+    assert attained_limits(lambda there: None, own)["coefficient"] == limits(own)["quadratic_drag"].size
+
+
+def test_all_sizes_of_an_effect_move_with_the_one_that_shows_least():
+    slopes = [
+        np.stack([drawn(seed + part, size) for part, size in enumerate((4e-4, 2e-4, 1e-4))], -1) for seed in (1, 4)
+    ]
+    force = probe("constant_body_force", slopes)
+    before, after = (
+        {each: limits_of[each] for each in "xyz"}
+        for limits_of in (
+            attained_limits(lambda there: None, force),
+            attained_limits(lambda there: 4.0 * NEEDED, force),
+        )
+    )
+    assert before["x"] < before["y"] < before["z"]
+    moved = [after[each] / before[each] for each in "xyz"]
+    assert moved == pytest.approx([moved[0]] * 3, rel=0.01)
+    assert moved[0] < 0.7

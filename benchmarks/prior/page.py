@@ -16,9 +16,10 @@ def prior_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
     revisions = newest_first(revisions_in(result["rows"]), dates)
     cost = f"A rollout with the codebook costs {result['rollout_cost_ratio']:.2f} times one without."
     asked = "Asked at other rates, and nodes that move otherwise than where it is asked in every substep:"
+    refined = "The codebook's errors over those of refinement, and the CPU time of that over its own, where both are:"
     tables = [f"{name}:\n\n{_part(rows)}" for name, rows in parts.items() if rows]
     measured = [f"At {described(each, dates)}: {_models_of(each, result['rows'])}." for each in revisions]
-    return "\n\n".join([*tables, " ".join(measured), cost, asked, _rates(result["rates"])])
+    return "\n\n".join([*tables, " ".join(measured), refined, _against(result), cost, asked, _rates(result["rates"])])
 
 
 def _models_of(revision: str, rows: list[dict[str, Any]]) -> str:
@@ -41,6 +42,21 @@ def _rates(rows: list[dict[str, Any]]) -> str:
                 f"{row['uniform_seconds']:.1f}",
             ]
             for row in rows
+        ],
+    )
+
+
+def _against(result: dict[str, Any]) -> str:
+    return table(
+        ("model", "n", "test CD", "test TE", "time"),
+        [
+            [
+                row["model"],
+                str(row["sequences"]),
+                *(f"{row[key]:.2f}" for key in ("test_cd_ratio", "test_te_ratio")),
+                f"{row['seconds_ratio']:.0f}",
+            ]
+            for row in result["against_codebook"]
         ],
     )
 

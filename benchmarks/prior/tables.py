@@ -66,6 +66,7 @@ def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, r
     return {
         "rows": everything.pop("all"),
         "sets": everything,
+        "against_codebook": against_codebook(held_out, rows) or earlier.get("against_codebook", []),
         "held_out_sequences": max(earlier["held_out_sequences"], len(read_rows(held_out, COARSE, rows))),
         **rollout_cost_ratio(judged, codebook),
         "rates": rates(judged[:RATE_ITEMS], codebook),
@@ -109,6 +110,24 @@ def table(items: list[Item], rows: Path) -> list[dict[str, Any]]:
             row[f"se_{key[:-2]}_ratio"] = None if change is None else change / _mean(anchor[key][both])
         row["seconds_per_sequence"] = _mean(np.array([each["seconds"] for each in measured]))
         found.append(row)
+    return found
+
+
+def against_codebook(items: list[Item], rows: Path) -> list[dict[str, Any]]:
+    """Per model that refines, over the sequences that both have: means of the codebook's errors over its own, and of
+    its own CPU time over the codebook's."""
+    learned = {row["item"]: row for row in read_rows(items, CODEBOOK, rows)}
+    found = []
+    for model in (*(f"dense {steps} steps" for steps in DENSE_BUDGETS), SPRING_GAUS):
+        own = [row for row in read_rows(items, model, rows) if row["item"] in learned and row["test_te_m"] is not None]
+        if own:
+            other = [learned[row["item"]] for row in own]
+            errors = {
+                f"{key[:-2]}_ratio": _mean(_values(other, key)) / _mean(_values(own, key))
+                for key in ("test_cd_m", "test_te_m")
+            }
+            seconds = [_mean(_values(each, "seconds")) for each in (own, other)]
+            found.append({"model": model, "sequences": len(own), **errors, "seconds_ratio": seconds[0] / seconds[1]})
     return found
 
 

@@ -39,6 +39,16 @@ def test_ratios_are_of_the_items_that_both_have(tmp_path):
     assert learned["seconds_per_sequence"] == 3.0
 
 
+def test_refinement_is_held_against_the_codebook_where_both_are(tmp_path):
+    items = [item(name) for name in "ab"]
+    for each, test in zip(items, (0.01, 0.03), strict=True):
+        keep_scores(tmp_path, each, "codebook K=4", errors(test), 2.0)
+    keep_scores(tmp_path, items[1], "dense 25 steps", errors(0.02), 50.0)
+    (row,) = tables.against_codebook(items, tmp_path)
+    assert (row["model"], row["sequences"]) == ("dense 25 steps", 1)
+    assert [row["test_cd_ratio"], row["test_te_ratio"], row["seconds_ratio"]] == pytest.approx([1.5, 1.5, 25.0])
+
+
 def test_the_page_shows_every_model_that_was_measured(tmp_path):
     each = item("a")
     keep_scores(tmp_path, each, COARSE, errors(0.0123), 1.0)
@@ -46,6 +56,15 @@ def test_the_page_shows_every_model_that_was_measured(tmp_path):
     result = {
         "rows": rows,
         "sets": {"paper": []},
+        "against_codebook": [
+            {
+                "model": "dense 25 steps",
+                "sequences": 2,
+                "test_cd_ratio": 1.1,
+                "test_te_ratio": 1.2,
+                "seconds_ratio": 31.4,
+            }
+        ],
         "held_out_sequences": 1,
         "rollout_cost_ratio": 1.234,
         "rates": [

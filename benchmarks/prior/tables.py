@@ -66,7 +66,7 @@ def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, r
     return {
         "rows": everything.pop("all"),
         "sets": everything,
-        "against_codebook": against_codebook(held_out, rows) or earlier.get("against_codebook", []),
+        "against_codebook": against_codebook(held_out, rows) or earlier["against_codebook"],
         "held_out_sequences": max(earlier["held_out_sequences"], len(read_rows(held_out, COARSE, rows))),
         **rollout_cost_ratio(judged, codebook),
         "rates": rates(judged[:RATE_ITEMS], codebook),

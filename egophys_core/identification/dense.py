@@ -13,6 +13,7 @@ from egophys_core.errors import TwinError
 from egophys_core.identification.adam import Adam
 from egophys_core.identification.loss import TAIL_SHARE, errors_and_gradient
 from egophys_core.identification.options import FitOptions
+from egophys_core.kinds import kind_of
 from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, spring_order
 from egophys_core.simulation.gradients import differentiate
@@ -38,7 +39,7 @@ class DenseStep:
     fitted: float
     """On the frames whose gradient is followed."""
     validation: float
-    """On the last quarter of the train frames, which choose the best step."""
+    """On the frames that choose the best step: of a sheet the last quarter, which no gradient sees, else all."""
 
 
 def fit_dense(
@@ -98,7 +99,9 @@ class DenseRefinement:
 
     def _derivative(self, problem: FitProblem, model: ObjectModel) -> tuple[DenseStep, np.ndarray]:
         frames = problem.loss_frames(self.stride)
-        fitted = int((1.0 - TAIL_SHARE) * len(frames))
+        # What buckles another way in the frames ahead is lost; what does not needs all frames that there are.
+        unseen = TAIL_SHARE if kind_of(model).lies_flat else 0.0
+        fitted = int((1.0 - unseen) * len(frames))
         errors = np.full(len(frames), np.inf)
 
         def loss(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -116,7 +119,8 @@ class DenseRefinement:
             gradient.parameters["restitution"][0] * restitution * (1.0 - restitution),
             gradient.controller_stiffness[0] * model.parameters.controller_stiffness,
         ]
-        losses = DenseStep(fitted=float(np.nanmean(errors[:fitted])), validation=float(np.nanmean(errors[fitted:])))
+        choosing = errors[fitted:] if unseen else errors
+        losses = DenseStep(fitted=float(np.nanmean(errors[:fitted])), validation=float(np.nanmean(choosing)))
         return losses, np.concatenate([by_stiffness, by_contact])
 
 

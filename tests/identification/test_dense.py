@@ -10,6 +10,7 @@ from egophys_core.identification import FitOptions, build, dense
 from egophys_core.identification.adam import Adam
 from egophys_core.identification.dense import CONTACT_NAMES, DenseRefinement, fit_dense, model_at
 from egophys_core.identification.loss import loss_gradient
+from egophys_core.kinds import KINDS
 from egophys_core.observation import prepare
 from tests.identification.synthetic import known_model, make_episode, sheet_shape
 
@@ -118,6 +119,16 @@ def test_two_episodes_are_refined_together():
     alone = [DenseRefinement([problem], model, OPTIONS).step() for problem in problems]
     assert together.fitted == pytest.approx(np.mean([step.fitted for step in alone]))
     assert together.validation == pytest.approx(np.mean([step.validation for step in alone]))
+
+
+def test_of_a_solid_all_train_frames_are_fitted_and_choose(monkeypatch):
+    problem, start = problem_of(known_model()), softer(known_model(), 0.5)
+    sheet = DenseRefinement([problem], start, OPTIONS).step()
+    monkeypatch.setattr(dense, "kind_of", lambda model: KINDS["solid"])
+    solid = DenseRefinement([problem], start, OPTIONS).step()
+    assert solid.fitted == solid.validation
+    low, high = sorted((sheet.fitted, sheet.validation))
+    assert low < solid.fitted < high
 
 
 def test_coordinates_of_zero_are_the_start_and_others_scale_it():

@@ -37,9 +37,9 @@ class DenseStep:
     """Losses at one step, before its update, metres: Chamfer distance plus track error, mean over frames."""
 
     fitted: float
-    """On the frames whose gradient is followed."""
+    """On the frames whose gradient is followed: of a sheet without the last quarter, else all."""
     validation: float
-    """On the frames that choose the best step: of a sheet the last quarter, which no gradient sees, else all."""
+    """On the last quarter of the train frames, which choose the best step."""
 
 
 def fit_dense(
@@ -99,9 +99,9 @@ class DenseRefinement:
 
     def _derivative(self, problem: FitProblem, model: ObjectModel) -> tuple[DenseStep, np.ndarray]:
         frames = problem.loss_frames(self.stride)
+        tail = int((1.0 - TAIL_SHARE) * len(frames))
         # What buckles another way in the frames ahead is lost; what does not needs all frames that there are.
-        unseen = TAIL_SHARE if kind_of(model).lies_flat else 0.0
-        fitted = int((1.0 - unseen) * len(frames))
+        fitted = tail if kind_of(model).lies_flat else len(frames)
         errors = np.full(len(frames), np.inf)
 
         def loss(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,8 +119,7 @@ class DenseRefinement:
             gradient.parameters["restitution"][0] * restitution * (1.0 - restitution),
             gradient.controller_stiffness[0] * model.parameters.controller_stiffness,
         ]
-        choosing = errors[fitted:] if unseen else errors
-        losses = DenseStep(fitted=float(np.nanmean(errors[:fitted])), validation=float(np.nanmean(choosing)))
+        losses = DenseStep(fitted=float(np.nanmean(errors[:fitted])), validation=float(np.nanmean(errors[tail:])))
         return losses, np.concatenate([by_stiffness, by_contact])
 
 

@@ -1,0 +1,66 @@
+"""What an effect would gain in a world that has it, after a refit of the twin without it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
+from egophys_core.diagnosis.evidence.refit import refit, robust_loss
+from egophys_core.diagnosis.evidence.residuals import observe, residuals
+from egophys_core.diagnosis.hypotheses.attained_gain import attained_gain
+from egophys_core.diagnosis.hypotheses.ranking import Probe
+from egophys_core.effects import LIBRARY
+from tests.diagnosis.rehearsed import WIND, episodes, sheet
+
+
+@pytest.fixture(scope="module")
+def still():
+    """Two motions of a sheet that lacks nothing, as its twin follows them."""
+    observations = [observe(sheet(), each) for each in episodes()]
+    return observations, refit(observations, sheet(), baseline_parameters(sheet()), iterations=1)
+
+
+def probe(name, values):
+    effect = LIBRARY[name]
+    return Probe(effect=effect, start={**{each.name: 0.0 for each in effect.parameters}, **values}, slopes=[])
+
+
+def steps_of(name, parameter, size):
+    return size / next(each.step for each in LIBRARY[name].parameters if each.name == parameter)
+
+
+def test_no_effect_gains_nothing_and_more_of_it_gains_more(still):
+    gains = [
+        attained_gain(*still, probe(WIND.name, WIND.values), "x", steps_of(WIND.name, "x", size))
+        for size in (0.0, 1.0, 3.0)
+    ]
+    assert gains[0] == pytest.approx(0.0, abs=5.0)
+    assert gains[0] < gains[1] < gains[2]
+
+
+def test_the_twin_takes_up_a_part_of_it(still):
+    observations, fitted = still
+    gain = attained_gain(*still, probe(WIND.name, WIND.values), "x", steps_of(WIND.name, "x", 3.0))
+    windy = residuals(observations, [with_effect(fitted.model, WIND.name, {"x": 3.0, "y": 0.0, "z": 0.0})])
+    unfitted = [2.0 * own - each[0] for own, each in zip(fitted.residuals, windy, strict=True)]
+    assert 0.0 < gain < robust_loss(unfitted, fitted.scale) - fitted.loss
+
+
+def test_of_an_effect_that_the_twin_has_more_is_meant():
+    windy = replace(sheet(), effects=(WIND,))
+    observations = [observe(sheet(), each) for each in episodes(WIND)]
+    fitted = refit(observations, windy, baseline_parameters(windy), iterations=1)
+    own = probe(WIND.name, WIND.values)
+    assert attained_gain(observations, fitted, own, "x", 0.0) == pytest.approx(0.0, abs=5.0)
+    assert attained_gain(observations, fitted, own, "x", steps_of(WIND.name, "x", 3.0)) > 20.0
+
+
+def test_residuals_of_another_world_are_shifted(still):
+    observations, fitted = still
+    added = np.full_like(fitted.residuals[0], 0.003)
+    shifted, own = (
+        residuals([each], [fitted.model])[0] for each in (replace(observations[0], added=added), observations[0])
+    )
+    seen = np.isfinite(own)
+    assert shifted[seen] == pytest.approx(own[seen] + 0.003)

@@ -85,11 +85,11 @@ def choose(
     before = tuple(known)
     proposals: list[Proposal] = []
     for _ in range(MOST_MOTIONS):
-        done = {each.motion.name for each in proposals}
+        proposed = {each.motion.name for each in proposals}
         tried = [
             _proposal(motion, before, shown[motion.name], rivals)
             for motion in motions
-            if motion.name in shown and motion.name not in done
+            if motion.name in shown and motion.name not in proposed
         ]
         best = max(tried, key=lambda each: each.score, default=None)
         if best is None or (proposals and best.score < WORTH_A_SECOND):

@@ -63,6 +63,11 @@ def effect_parameters(effect: Effect) -> tuple[FreeParameter, ...]:
     return tuple(_effect_parameter(effect.name, parameter) for parameter in effect.parameters)
 
 
+def effect_parameter(effect: Effect, name: str) -> FreeParameter:
+    """One of them by its name."""
+    return next(each for each in effect_parameters(effect) if each.definition.name == name)
+
+
 def sizes_of(effect: Effect) -> tuple[str, ...]:
     """The parameters that say how much of an effect there is."""
     return tuple(each.name for each in effect.parameters if each.null is not None)

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 
 from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, smoothed
 from egophys_core.diagnosis.evidence.observer import FREE
-from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, TrackedEpisode
+from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, TrackedEpisode, block_numbers
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.traits import Need
 from egophys_core.errors import DiscrepancyError
@@ -58,8 +58,7 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Tr
         rest=problem.episode.points[0].astype(np.float64),
         first=0,
         patches=np.arange(count),
-        # Half a frame more, so that rounding moves no frame to the next block.
-        blocks=np.floor((times + 0.5 * float(np.median(np.diff(times)))) / block).astype(int),
+        blocks=block_numbers(times, block),
         rate=FREE,
         mounted=mounted,
         record=observed.record,

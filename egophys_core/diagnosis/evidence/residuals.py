@@ -123,9 +123,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
     tracks, rest = observed_tracks(problem, graph.surface, observed), observed.at_rest
     centres = rest[farthest_points(rest, PATCHES)]
     times = observed.episode.times
-    # Half a frame more, so that rounding moves no frame to the next block.
-    half = 0.5 * float(np.median(np.diff(times)))
-    blocks = np.floor((times - times[touched] + half) / BLOCK_S).astype(int)
+    blocks = block_numbers(times - times[touched], BLOCK_S)
     return TrackedEpisode(
         problem=problem,
         tracks=tracks,
@@ -141,6 +139,12 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
         patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),
         blocks=np.where(times >= times[touched], blocks, -1),
     )
+
+
+def block_numbers(times: np.ndarray, block_s: float) -> np.ndarray:
+    """[T] the block of time of each frame [T], seconds; rounding moves no frame to the next."""
+    half_a_frame = 0.5 * float(np.median(np.diff(times)))
+    return np.floor((times + half_a_frame) / block_s).astype(int)
 
 
 def track_offsets(observation: TrackedEpisode, models: Sequence[ObjectModel]) -> tuple[np.ndarray, np.ndarray]:

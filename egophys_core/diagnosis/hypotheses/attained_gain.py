@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameters, with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameter, with_effect
 from egophys_core.diagnosis.evidence.refit import Fitted, refit_further
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.diagnosis.hypotheses.ranking import Probe
@@ -51,6 +51,6 @@ def _with_more(model: ObjectModel, probe: Probe, size: str, steps: float) -> Obj
     name = probe.effect.name
     carried = [each.values for each in model.effects if each.name == name]
     values = dict(carried[0]) if carried else dict(probe.null)
-    parameter = next(each for each in effect_parameters(probe.effect) if each.definition.name == size)
+    parameter = effect_parameter(probe.effect, size)
     values[size] = parameter.value_at(parameter.position_of(values[size]) + steps)
     return with_effect(model, name, values)

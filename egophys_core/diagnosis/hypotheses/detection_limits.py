@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.diagnosis.diagnosis import DetectionLimit
-from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameters
+from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameter
 from egophys_core.diagnosis.evidence.linear_problem import (
     Columns,
     LinearProblem,
@@ -68,7 +68,7 @@ def detection_limits(
         if attained is not None and ways:
             ways = _moved(ways, probe, needed[name], attained)
         for index, way in enumerate(ways):
-            parameter = next(each for each in effect_parameters(probe.effect) if each.definition.name == way.size)
+            parameter = effect_parameter(probe.effect, way.size)
             definition = parameter.definition
             assert definition.null is not None  # else it would say no size
             steps = 0.0 if way.share is None else way.share * way.end

@@ -9,6 +9,7 @@ import numpy as np
 from egophys_core.diagnosis.evidence.fitted_parameters import (
     at_null,
     at_share,
+    effect_parameter,
     effect_parameters,
     sizes_of,
     with_effect,
@@ -191,7 +192,7 @@ def _probes(
 
 def _steps(effect: Effect, name: str, start: Mapping[str, float]) -> float:
     """How many steps of a parameter lie between null and start."""
-    parameter = next(each for each in effect_parameters(effect) if each.definition.name == name)
+    parameter = effect_parameter(effect, name)
     return parameter.position_of(start[name]) - parameter.position_of(at_null(effect, start)[name])
 
 

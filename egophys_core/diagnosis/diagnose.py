@@ -400,10 +400,9 @@ def _evidence(
 ) -> Evidence:
     """What the report draws."""
     names = [each.episode.name for each in observations]
-    after = offsets[first.touched - first.first :]
-    seen = np.isfinite(after).all(axis=2)
+    seen = np.isfinite(offsets).all(axis=2)
     count = np.where(seen.any(axis=0), seen.sum(axis=0), np.nan)
-    field = np.where(seen[..., None], after, 0.0).sum(axis=0) / count[:, None]
+    field = np.where(seen[..., None], offsets, 0.0).sum(axis=0) / count[:, None]
     return Evidence(
         times={name: each.episode.times for name, each in zip(names, observations, strict=True)},
         before={name: pair[0].track for name, pair in zip(names, errors, strict=True)},

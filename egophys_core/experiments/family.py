@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.experiments.hand_path import PathWriter, ToolPath
-from egophys_core.experiments.places import axes_at_rest, extents, places_to_hold
+from egophys_core.experiments.places import DEPTH_M, axes_at_rest, extents, places_to_hold
 from egophys_core.kinds import kind_of
 from egophys_core.robot import MotionLimits
 from egophys_core.twin import Twin
@@ -112,7 +112,8 @@ class TableTop:
             return "it as it was held"
         if self.lies_flat:
             return "its two corners of a long side" if len(self.places) == 2 else "one corner"
-        return "both ends from above" if len(self.places) == 2 else "one end from above"
+        ends = "both ends" if len(self.places) == 2 else "one end"
+        return f"{ends} from above, the middle of the hand {1e3 * DEPTH_M:.0f} mm below the top"
 
     @property
     def hanging(self) -> np.ndarray:

@@ -12,6 +12,10 @@ INSET_M = 0.012
 FROM_MIDDLE = 0.3
 """Of a solid's length, from its middle."""
 
+DEPTH_M = 0.025
+"""Metres below its top at which the middle of a hand holds a solid, at most half its height. A hand that holds its skin
+alone is a pivot, about which a toy turns as no twin foretells: 5.8 mm off when it hangs still, 2.5 mm held so deep."""
+
 UNDER_HAND_M = 0.03
 """Metres about a place within which the highest node is where a hand meets the object from above."""
 
@@ -55,6 +59,7 @@ def places_to_hold(model: ObjectModel, hands: int) -> np.ndarray:
             place = centre + sign * FROM_MIDDLE * np.ptp(along) * axes[0]
         near = np.linalg.norm(nodes[:, :2] - place[:2], axis=1) <= UNDER_HAND_M
         if near.any():
-            place[2] = nodes[near, 2].max() - (0.0 if flat else 0.005)
+            top = nodes[near, 2].max()
+            place[2] = top if flat else max(top - DEPTH_M, centre[2])
         found.append(place)
     return np.array(found)

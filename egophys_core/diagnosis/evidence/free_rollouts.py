@@ -40,8 +40,8 @@ def free_errors(observation: TrackedEpisode, models: Sequence[ObjectModel]) -> l
         ground_height=episode.ground_height,
     )
     result = rollout(batch)
-    observed = episode.points[observation.first :]
-    train = episode.train_frames - observation.first
+    observed = episode.points[observation.touched :]
+    train = episode.train_frames - observation.touched
     clamp = episode.controllers[0].mean(axis=0).astype(np.float64)
     found = []
     for model, positions in zip(models, result.positions, strict=True):
@@ -55,12 +55,11 @@ def free_errors(observation: TrackedEpisode, models: Sequence[ObjectModel]) -> l
         held = _held(surface, observed, problem.bound, train)
         track[lost], chamfer[lost], held[lost] = np.inf, np.inf, np.inf
         quiet = np.full(observation.touched, np.nan)
-        skip = observation.touched - observation.first
         found.append(
             FreeErrors(
-                track=np.concatenate([quiet, track[skip:]]),
-                chamfer=np.concatenate([quiet, chamfer[skip:]]),
-                last_residual_track=np.concatenate([quiet, held[skip:]]),
+                track=np.concatenate([quiet, track]),
+                chamfer=np.concatenate([quiet, chamfer]),
+                last_residual_track=np.concatenate([quiet, held]),
             )
         )
     return found

@@ -56,7 +56,6 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Tr
         tracks=_tracks(problem),
         touched=0,
         rest=problem.episode.points[0].astype(np.float64),
-        first=0,
         patches=np.arange(count),
         blocks=block_numbers(times, block),
         rate=FREE,

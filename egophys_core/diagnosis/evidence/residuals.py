@@ -27,9 +27,6 @@ BLOCK_S = 0.2
 PATCHES = 12
 """Patches of the object, of about equally many tracks."""
 
-LEAD_S = 0.3
-"""Seconds before the first contact at which the observer starts, from rest."""
-
 BATCH = 32
 """Models that are simulated together: a bound on memory."""
 
@@ -50,13 +47,12 @@ class TrackedEpisode:
     """[T, C] uint8 `ContactKind` of each controller point of the episode."""
     tracks: ObservedTracks
     touched: int
-    """First frame of contact."""
+    """First frame of contact, at which observers start: what is at rest stays so until it is touched, whatever its twin
+    would do."""
     still: int = 1
     """Frames before hands move the object, at least 1."""
     rest: np.ndarray
     """[P, 3] metres, the tracks before hands move the object."""
-    first: int
-    """Frame at which observers start."""
     patches: np.ndarray
     """[P] patch of each track."""
     blocks: np.ndarray
@@ -103,7 +99,7 @@ class TrackedEpisode:
 
     def controls(self) -> Controls:
         """The hands from where observers start."""
-        return self.problem.controls.part(slice(self.first, None))
+        return self.problem.controls.part(slice(self.touched, None))
 
 
 Job = tuple[TrackedEpisode, Sequence[ObjectModel]]
@@ -135,7 +131,6 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
         hangs=observed.hangs,
         contact=observed.contact,
         rate=FREE if observed.hangs else RATE,
-        first=int(np.searchsorted(times, times[touched] - LEAD_S)),
         patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),
         blocks=np.where(times >= times[touched], blocks, -1),
     )
@@ -151,7 +146,7 @@ def track_offsets(observation: TrackedEpisode, models: Sequence[ObjectModel]) ->
     """Where each model's observer leaves the tracks unexplained.
 
     Returns:
-        [K, T - first, P, 3] metres, measured minus twin, NaN where unseen; and [K] bool, which rollouts diverged.
+        [K, T - touched, P, 3] metres, measured minus twin, NaN where unseen; and [K] bool, which rollouts diverged.
     """
     problem, count = observation.problem, len(models)
     batch = batch_of_models(
@@ -166,16 +161,16 @@ def track_offsets(observation: TrackedEpisode, models: Sequence[ObjectModel]) ->
         nudging = TrackNudging(observation.tracks, problem.episode.times, rate=observation.rate)
         batch = replace(batch, nudging=nudging)
     result = rollout(batch)
-    measured = observation.tracks.positions[observation.first :]
+    measured = observation.tracks.positions[observation.touched :]
     offsets = np.stack([measured - observation.tracks.on_twin(positions) for positions in result.positions])
     return offsets, np.array([failure is not None for failure in result.failures])
 
 
 def block_means(observation: TrackedEpisode, offsets: np.ndarray) -> np.ndarray:
-    """[K, B, Q, 3] metres: offsets [K, T - first, P, 3] averaged over cells; NaN where too few tracks are seen."""
-    blocks = observation.blocks[observation.first :]
+    """[K, B, Q, 3] metres: offsets [K, T - touched, P, 3] averaged over cells; NaN where too few tracks are seen."""
+    blocks = observation.blocks[observation.touched :]
     cells = blocks[:, None] * PATCHES + observation.patches[None]
-    seen = np.isfinite(observation.tracks.positions[observation.first :]).all(axis=2) & (blocks >= 0)[:, None]
+    seen = np.isfinite(observation.tracks.positions[observation.touched :]).all(axis=2)
     cell, size = cells[seen], observation.block_count * PATCHES
     counts = np.bincount(cell, minlength=size)
     means = np.full((len(offsets), size, 3), np.nan)
@@ -195,7 +190,7 @@ def acceleration(observations: Sequence[TrackedEpisode]) -> float:
     squares = [np.zeros(0)]
     for each in observations:
         if not each.free:
-            (places,) = block_means(each, each.tracks.positions[None, each.first :])
+            (places,) = block_means(each, each.tracks.positions[None, each.touched :])
             counts = np.bincount(each.blocks[each.blocks >= 0])
             # Blocks have a frame more or less, so their middles are not quite equally far apart.
             middles = np.bincount(each.blocks[each.blocks >= 0], each.episode.times[each.blocks >= 0]) / counts

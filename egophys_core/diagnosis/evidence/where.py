@@ -25,8 +25,7 @@ def where(observations: Sequence[TrackedEpisode], offsets: Sequence[np.ndarray],
     sizes, distances, heights, speeds, strains = [], [], [], [], []
     worst = {}
     for observation, offset in zip(observations, offsets, strict=True):
-        after = observation.touched - observation.first
-        size = np.linalg.norm(offset[after:], axis=2)
+        size = np.linalg.norm(offset, axis=2)
         tracks = observation.tracks.positions[observation.touched :]
         rest = observation.rest
         sizes.append(size)

@@ -31,7 +31,7 @@ def test_a_missing_force_shows_as_an_offset_along_it():
 
 def test_block_means_are_the_means_of_their_tracks():
     observation = observe(sheet(), episodes()[0])
-    frames = len(observation.episode.times) - observation.first
+    frames = len(observation.episode.times) - observation.touched
     offsets = np.ones((1, frames, len(observation.patches), 3)) * observation.patches[None, None, :, None]
     means = block_means(observation, offsets)
     assert means.shape == (1, observation.block_count, 12, 3)

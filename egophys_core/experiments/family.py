@@ -104,15 +104,18 @@ class TableTop:
     """[C, 3] metres about each of these places."""
     hangs: bool = False
     """Whether the hand holds it from the start."""
+    elsewhere: bool = False
+    """Whether it was held at another place before."""
 
     @property
     def how(self) -> str:
         """Where it is held, in words."""
         if self.hangs:
             return "it as it was held"
+        which = "the {} at which it was not held before" if self.elsewhere else "one {}"
         if self.lies_flat:
-            return "its two corners of a long side" if len(self.places) == 2 else "one corner"
-        ends = "both ends" if len(self.places) == 2 else "one end"
+            return "its two corners of a long side" if len(self.places) == 2 else which.format("corner")
+        ends = "both ends" if len(self.places) == 2 else which.format("end")
         return f"{ends} from above, the middle of the hand {1e3 * DEPTH_M:.0f} mm below the top"
 
     @property
@@ -143,16 +146,20 @@ def motions_for(twin: Twin, limits: HandLimits) -> list[HandMotion]:
     else:
         above = replace(limits, highest_m=limits.highest_m + twin.ground_height)
         for hands in range(1, limits.hands + 1):
-            tops.append((places_to_hold(model, hands), HAND_POINTS, above, False))
+            tops.append((places_to_hold(model, hands, twin.grasp), HAND_POINTS, above, False))
+    axes, middle = axes_at_rest(model), model.graph.positions.mean(axis=0)
     for places, hand_points, allowed, hangs in tops:
+        # Along the object, from its middle to the hand or the first of them.
+        sign = -1.0 if (places[0] - middle) @ axes[0] < 0.0 else 1.0
         top = TableTop(
             places=places,
-            axes=axes_at_rest(model),
+            axes=sign * axes,
             size=extents(model),
             lies_flat=kind_of(model).lies_flat,
             limits=allowed,
             hand_points=hand_points,
             hangs=hangs,
+            elsewhere=not hangs and len(twin.grasp) > 0,
         )
         done = [motion for each in (HANGING if hangs else FAMILY) for motion in each(top)]
         found += [motion for motion in done if motion.duration <= LONGEST_S]

@@ -34,8 +34,13 @@ def extents(model: ObjectModel) -> np.ndarray:
     return np.ptp(nodes @ np.vstack([axes_at_rest(model), [0.0, 0.0, 1.0]]).T, axis=0)
 
 
-def places_to_hold(model: ObjectModel, hands: int) -> np.ndarray:
-    """[H, 3] metres: two corners at the ends of a long side of a sheet, else two places on top; or the first of them.
+def places_to_hold(model: ObjectModel, hands: int, held: np.ndarray) -> np.ndarray:
+    """[H, 3] metres: two corners at the ends of a long side of a sheet, else two places on top; or one of them.
+
+    That is the one where it was not held before: what differs from end to end shows where it hangs from both.
+
+    Args:
+        held: [C, 3] metres, where it was held; may be empty.
 
     Raises:
         PlanningError: it does not lie on a table for hands to take it.
@@ -50,7 +55,7 @@ def places_to_hold(model: ObjectModel, hands: int) -> np.ndarray:
     centre = (nodes.max(axis=0) + nodes.min(axis=0)) / 2.0
     along, across = (nodes - centre) @ axes.T[:, 0], (nodes - centre) @ axes.T[:, 1]
     found = []
-    for sign in (1.0, -1.0)[:hands]:
+    for sign in (1.0, -1.0):
         if flat:
             corner = nodes[np.argmax(sign * along / np.ptp(along) - across / np.ptp(across))]
             inwards = (centre - corner) * [1.0, 1.0, 0.0]
@@ -62,4 +67,7 @@ def places_to_hold(model: ObjectModel, hands: int) -> np.ndarray:
             top = nodes[near, 2].max()
             place[2] = top if flat else max(top - DEPTH_M, centre[2])
         found.append(place)
-    return np.array(found)
+    if hands == 2:
+        return np.array(found)
+    away = [0.0 if not len(held) else float(np.linalg.norm(each - held.mean(axis=0))) for each in found]
+    return np.array([found[int(np.argmax(away))]])

@@ -14,6 +14,8 @@ from egophys_core.robot import MotionLimits, Transform, check_plan
 from tests.effects.situations import sheet, solid
 from tests.experiments.twins import twin_of
 
+NOWHERE = np.zeros((0, 3))
+
 ARM = HandLimits(hands=1, fastest_m_s=0.25, highest_m=0.45)
 
 
@@ -48,7 +50,7 @@ def test_a_sheet_is_held_at_two_corners_of_a_long_side():
     model = sheet()
     nodes = model.graph.positions
     longer = replace(model, graph=replace(model.graph, positions=(nodes * [1.5, 1.0, 1.0]).astype(np.float32)))
-    first, second = places_to_hold(longer, 2)
+    first, second = places_to_hold(longer, 2, NOWHERE)
     low, high = longer.graph.positions.min(axis=0), longer.graph.positions.max(axis=0)
     assert abs(first[0] - second[0]) > 0.8 * (high - low)[0]
     assert first[1] == pytest.approx(second[1], abs=0.01)
@@ -61,10 +63,23 @@ def test_a_solid_is_held_from_above_and_well_below_its_top():
     """A hand at its skin is a pivot."""
     model = solid()
     top, bottom = model.graph.positions[:, 2].max(), model.graph.positions[:, 2].min()
-    for place in places_to_hold(model, 2):
+    for place in places_to_hold(model, 2, NOWHERE):
         assert (top + bottom) / 2.0 - 1e-6 <= place[2] <= top - min(0.015, 0.3 * (top - bottom))
+
+
+@pytest.mark.parametrize("body", [sheet, solid])
+@pytest.mark.parametrize("end", [0, 1])
+def test_one_hand_holds_it_where_none_did_before(body, end):
+    """An added mass shows in how it hangs from one end and from the other."""
+    model = body()
+    both = places_to_hold(model, 2, NOWHERE)
+    (place,) = places_to_hold(model, 1, both[[end]] + 0.01)
+    np.testing.assert_allclose(place, both[1 - end])
+    for motion in motions_for(twin_of(model, grasp=both[[end]]), ARM):
+        assert "not held before" in motion.sentence
+        np.testing.assert_allclose(motion.paths[0].positions[:, :2].mean(axis=0), place[:2], atol=0.1)
 
 
 def test_a_cable_is_told_what_to_do_instead():
     with pytest.raises(PlanningError, match="record another load"):
-        places_to_hold(replace(sheet(), kind="rod"), 1)
+        places_to_hold(replace(sheet(), kind="rod"), 1, NOWHERE)

@@ -19,7 +19,7 @@ from egophys_core.identification import FitOptions
 from egophys_core.identification.building import predict
 from egophys_core.identification.coarse import fit_coarse
 from egophys_core.identification.dense import DenseRefinement
-from egophys_core.kinds.rest_shape import rest_shape
+from egophys_core.identification.surface_fit import shape_to_search
 from egophys_core.observation import observe_episode, prepare
 from egophys_core.recording import read_episode
 
@@ -60,7 +60,7 @@ def measure(path: Path) -> list[dict[str, Any]]:
     """Rows of one episode; errors in metres, minutes of elapsed time on one of two busy cores."""
     episode, options, name = read_episode(path), FitOptions(generations=GENERATIONS), episode_name(path)
     observed = observe_episode(episode)
-    shape = rest_shape(observed.at_rest, name=episode.name, ground=episode.ground_height, max_nodes=options.max_nodes)
+    shape = shape_to_search([observed], options)
 
     def row(model: str, scores: Scores, minutes: float) -> dict[str, Any]:
         errors = {

@@ -7,6 +7,7 @@ import pytest
 
 from egophys_core.diagnosis.evidence import residuals as residuals_module
 from egophys_core.diagnosis.evidence.residuals import block_means, observe, residuals, track_offsets
+from egophys_core.effects import TwinEffect
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
 
 
@@ -27,6 +28,17 @@ def test_a_missing_force_shows_as_an_offset_along_it():
     along = late @ wind / np.linalg.norm(wind)
     assert 0.02 * limit < along < 1.1 * limit
     assert np.nanmedian(np.abs(offsets[1])) < 0.2 * np.nanmedian(np.abs(offsets[0]))
+
+
+def test_what_is_at_rest_stays_so_until_it_is_touched():
+    """A twin that lacks nothing lies still before; one with another weight or table may slide or roll, and is held
+    askew then."""
+    observation = observe(sheet(), episodes()[0])
+    steep = TwinEffect(name="gravity_tilt", values={"about_x": 0.5, "about_y": -0.5})
+    offsets, _ = track_offsets(observation, [sheet(), replace(sheet(), effects=(steep,))])
+    np.testing.assert_array_equal(offsets[0][0], offsets[1][0])
+    assert offsets.shape[1] == len(observation.episode.times) - observation.touched
+    assert not np.array_equal(offsets[0][3], offsets[1][3])
 
 
 def test_block_means_are_the_means_of_their_tracks():

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.experiments.hand_path import PathWriter, ToolPath
-from egophys_core.experiments.places import DEPTH_M, axes_at_rest, extents, places_to_hold
+from egophys_core.experiments.places import DEPTH_M, axes_at_rest, distance_to, extents, places_to_hold
 from egophys_core.kinds import kind_of
 from egophys_core.robot import MotionLimits
 from egophys_core.twin import Twin
@@ -81,6 +81,9 @@ HAND_M = 0.02
 HAND_POINTS = HAND_M * np.vstack([np.eye(3), -np.eye(3)])
 """[6, 3] metres."""
 
+ELSEWHERE_M = 0.05
+"""Metres from a place where a hand holds to the nearest at which it was held, from which that is another place."""
+
 NO_TABLE_M = 1.0
 """Metres above the table from which an object at rest hangs in hands, and there is none (`observation.hanging`)."""
 
@@ -116,7 +119,8 @@ class TableTop:
         if self.lies_flat:
             return "its two corners of a long side" if len(self.places) == 2 else which.format("corner")
         ends = "both ends" if len(self.places) == 2 else which.format("end")
-        return f"{ends} from above, the middle of the hand {1e3 * DEPTH_M:.0f} mm below the top"
+        depth = f"{1e3 * DEPTH_M:.0f} mm below the top but no lower than half way"
+        return f"{ends} from above, the middle of the hand {depth}"
 
     @property
     def hanging(self) -> np.ndarray:
@@ -159,7 +163,7 @@ def motions_for(twin: Twin, limits: HandLimits) -> list[HandMotion]:
             limits=allowed,
             hand_points=hand_points,
             hangs=hangs,
-            elsewhere=not hangs and len(twin.grasp) > 0,
+            elsewhere=np.inf > distance_to(twin.grasp, places[0]) > ELSEWHERE_M,
         )
         done = [motion for each in (HANGING if hangs else FAMILY) for motion in each(top)]
         found += [motion for motion in done if motion.duration <= LONGEST_S]

@@ -69,5 +69,9 @@ def places_to_hold(model: ObjectModel, hands: int, held: np.ndarray) -> np.ndarr
         found.append(place)
     if hands == 2:
         return np.array(found)
-    away = [0.0 if not len(held) else float(np.linalg.norm(each - held.mean(axis=0))) for each in found]
-    return np.array([found[int(np.argmax(away))]])
+    return np.array([found[int(np.argmax([distance_to(held, each) for each in found]))]])
+
+
+def distance_to(held: np.ndarray, place: np.ndarray) -> float:
+    """Metres from a place [3] to the nearest of where it was held, [C, 3]; infinite where that is nowhere."""
+    return float(np.linalg.norm(held - place, axis=1).min(initial=np.inf))

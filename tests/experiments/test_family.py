@@ -80,6 +80,12 @@ def test_one_hand_holds_it_where_none_did_before(body, end):
         np.testing.assert_allclose(motion.paths[0].positions[:, :2].mean(axis=0), place[:2], atol=0.1)
 
 
+def test_what_was_held_at_both_ends_is_held_at_one_of_them():
+    model = sheet()
+    both = places_to_hold(model, 2, NOWHERE)
+    assert "hold one corner" in motions_for(twin_of(model, grasp=both), ARM)[0].sentence
+
+
 def test_a_cable_is_told_what_to_do_instead():
     with pytest.raises(PlanningError, match="record another load"):
         places_to_hold(replace(sheet(), kind="rod"), 1, NOWHERE)

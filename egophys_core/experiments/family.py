@@ -115,10 +115,10 @@ class TableTop:
         """Where it is held, in words."""
         if self.hangs:
             return "it as it was held"
-        which = "the {} at which it was not held before" if self.elsewhere else "one {}"
         if self.lies_flat:
-            return "its two corners of a long side" if len(self.places) == 2 else which.format("corner")
-        ends = "both ends" if len(self.places) == 2 else which.format("end")
+            return "its two corners of a long side" if len(self.places) == 2 else "one corner"
+        one = "the end at which it was not held before" if self.elsewhere else "one end"
+        ends = "both ends" if len(self.places) == 2 else one
         depth = f"{1e3 * DEPTH_M:.0f} mm below the top but no lower than half way"
         return f"{ends} from above, the middle of the hand {depth}"
 

@@ -37,7 +37,9 @@ def extents(model: ObjectModel) -> np.ndarray:
 def places_to_hold(model: ObjectModel, hands: int, held: np.ndarray) -> np.ndarray:
     """[H, 3] metres: two corners at the ends of a long side of a sheet, else two places on top; or one of them.
 
-    That is the one where it was not held before: what differs from end to end shows where it hangs from both.
+    Of a solid that is the one where it was not held before: what differs from end to end shows where it hangs from
+    both. Of a sheet it is the first: how it is pinched differs from corner to corner, and passes for
+    an offset of hands.
 
     Args:
         held: [C, 3] metres, where it was held; may be empty.
@@ -67,8 +69,8 @@ def places_to_hold(model: ObjectModel, hands: int, held: np.ndarray) -> np.ndarr
             top = nodes[near, 2].max()
             place[2] = top if flat else max(top - DEPTH_M, centre[2])
         found.append(place)
-    if hands == 2:
-        return np.array(found)
+    if hands == 2 or flat:
+        return np.array(found[:hands])
     return np.array([found[int(np.argmax([distance_to(held, each) for each in found]))]])
 
 

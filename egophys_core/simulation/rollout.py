@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
+from threading import Lock
 
 import numpy as np
 import warp as wp
@@ -23,6 +24,10 @@ from egophys_core.simulation.stability import LONGEST_SUBSTEP, stable_substeps
 from egophys_core.simulation.step import frame_kernel
 from egophys_core.simulation.terms.codebook import predict_stiffness
 from egophys_core.simulation.terms.material_frames import settle_material_frames
+
+_LOADING = Lock()
+"""Held while kernels are made and loaded. Of two threads that load one module the second would unload what the first
+already runs, and the process would end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +72,9 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
     if not wp.get_device(device).is_cpu:
         return in_frames(_run(batch, longest_substep, device), batch.frames)
     # Loaded here, before threads ask for it at the same time.
-    for kernel in (frame_kernel(effect_terms(batch)), settle_material_frames, find_extremes, predict_stiffness):
-        wp.load_module(kernel.module, device=device)
+    with _LOADING:
+        for kernel in (frame_kernel(effect_terms(batch)), settle_material_frames, find_extremes, predict_stiffness):
+            wp.load_module(kernel.module, device=device)
     groups = group_count(batch.count)
     workers = min(groups, usable_cores())
     # Rollouts with similar substeps share a lane group: it runs as many as the one that needs most. Of those that need

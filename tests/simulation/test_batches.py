@@ -1,9 +1,12 @@
 """Many rollouts at once: what they share must not show."""
 
 import dataclasses
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+import warp as wp
 
 from egophys_core.errors import SimulationError
 from egophys_core.simulation import ContactKind, Controls, batch_of_models, rollout
@@ -169,3 +172,22 @@ def test_rollouts_must_share_their_times():
     controls = [idle_controls(frame_times(0.1, 1 / 30)), idle_controls(frame_times(0.2, 1 / 30))]
     with pytest.raises(SimulationError, match="controls of rollout 1 differ from rollout 0"):
         batch_of_models(models, controls, ground_height=0.0)
+
+
+def test_threads_load_kernels_one_after_the_other(monkeypatch):
+    """The second of two that loaded one module would unload what the first already runs."""
+    at_once, most, load = [], [], wp.load_module
+
+    def watched(module, **rest):
+        at_once.append(module)
+        most.append(len(at_once))
+        time.sleep(0.005)
+        load(module, **rest)
+        at_once.remove(module)
+
+    monkeypatch.setattr(wp, "load_module", watched)
+    batch = batch_of_models([sheet_model()], [idle_controls(frame_times(0.1, 1 / 30))], ground_height=0.0)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda _: rollout(batch), range(4)))
+    assert len(most) >= 16
+    assert max(most) == 1

@@ -38,8 +38,8 @@ def places_to_hold(model: ObjectModel, hands: int, held: np.ndarray) -> np.ndarr
     """[H, 3] metres: two corners at the ends of a long side of a sheet, else two places on top; or one of them.
 
     Of a solid that is the one where it was not held before: what differs from end to end shows where it hangs from
-    both. Of a sheet it is the first: how it is pinched differs from corner to corner, and passes for
-    an offset of hands.
+    both. Of a sheet it is the first: how it is pinched differs from corner to corner, which passes for an offset of
+    hands.
 
     Args:
         held: [C, 3] metres, where it was held; may be empty.

@@ -56,7 +56,7 @@ class TrackedEpisode:
     patches: np.ndarray
     """[P] patch of each track."""
     blocks: np.ndarray
-    """[T] block of each frame, -1 before the first contact."""
+    """[T - touched] block of each frame from the first contact on."""
     delay: float = 0.0
     """Seconds by which its points are recorded later than its hands, as far as that was told before any diagnosis."""
     noise: float = 0.0
@@ -119,7 +119,6 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
     tracks, rest = observed_tracks(problem, graph.surface, observed), observed.at_rest
     centres = rest[farthest_points(rest, PATCHES)]
     times = observed.episode.times
-    blocks = block_numbers(times - times[touched], BLOCK_S)
     return TrackedEpisode(
         problem=problem,
         tracks=tracks,
@@ -132,7 +131,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
         contact=observed.contact,
         rate=FREE if observed.hangs else RATE,
         patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),
-        blocks=np.where(times >= times[touched], blocks, -1),
+        blocks=block_numbers(times[touched:] - times[touched], BLOCK_S),
     )
 
 
@@ -168,8 +167,7 @@ def track_offsets(observation: TrackedEpisode, models: Sequence[ObjectModel]) ->
 
 def block_means(observation: TrackedEpisode, offsets: np.ndarray) -> np.ndarray:
     """[K, B, Q, 3] metres: offsets [K, T - touched, P, 3] averaged over cells; NaN where too few tracks are seen."""
-    blocks = observation.blocks[observation.touched :]
-    cells = blocks[:, None] * PATCHES + observation.patches[None]
+    cells = observation.blocks[:, None] * PATCHES + observation.patches[None]
     seen = np.isfinite(observation.tracks.positions[observation.touched :]).all(axis=2)
     cell, size = cells[seen], observation.block_count * PATCHES
     counts = np.bincount(cell, minlength=size)
@@ -191,9 +189,8 @@ def acceleration(observations: Sequence[TrackedEpisode]) -> float:
     for each in observations:
         if not each.free:
             (places,) = block_means(each, each.tracks.positions[None, each.touched :])
-            counts = np.bincount(each.blocks[each.blocks >= 0])
-            # Blocks have a frame more or less, so their middles are not quite equally far apart.
-            middles = np.bincount(each.blocks[each.blocks >= 0], each.episode.times[each.blocks >= 0]) / counts
+            # The last block may have fewer frames, so that middles are not quite equally far apart.
+            middles = np.bincount(each.blocks, each.episode.times[each.touched :]) / np.bincount(each.blocks)
             apart = np.diff(middles)[:, None, None]
             changes = 2.0 * np.diff(np.diff(places, axis=0) / apart, axis=0) / (apart[1:] + apart[:-1])
             squares.append((changes[np.isfinite(changes)] / each.rate**2) ** 2)

@@ -133,7 +133,7 @@ def test_what_cannot_be_diagnosed_is_refused_with_the_reason(start_twin_node, cl
         ((bag, output, '{"diagnosis.shortlst": 3}'), {}, "unknown option 'shortlst'; did you mean 'shortlist'?"),
         ((bag, output, '{"diagnosis.shortlist": 0}'), {}, "shortlist must be in 1 .. 24, got 0"),
         ((bag, output), {"twin_path": str(tmp_path / "absent.twin")}, "absent.twin"),
-        ((bag, output), {"ask": 1}, "no bridge serves /bridge_node/execute, so no arm can do a motion"),
+        ((bag, output), {"ask": 1}, "no bridge serves /bridge_node/execute, so no arm moves"),
     ):
         answer = start_diagnosis(client, *arguments, **({"twin_path": str(twin_file)} | fields))
         assert not answer.accepted

@@ -1,21 +1,15 @@
 """The service `~/plan_and_execute`: plan, have the arm execute the plan, answer when that is done; and `~/cancel`."""
 
-from action_msgs.msg import GoalStatus
-from egophys_msgs.action import ExecutePlan, PlanToTarget
+from egophys_msgs.action import PlanToTarget
 from egophys_msgs.srv import PlanAndExecute
+from egophys_ros_common.arm_client import ArmClient, PlanExecution
 from egophys_ros_common.managed_node import ManagedNode
 from egophys_ros_common.worker import CanceledError
-from rclpy.action import ActionClient
-from rclpy.action.client import ClientGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from egophys_core.errors import PlanningError, RobotError
 from egophys_planner.planning import Planned, Planning
-
-LOOK_PERIOD_S = 0.5
-"""How often a waiting service looks whether the bridge has gone."""
 
 
 class PlanAndExecuteServer:
@@ -27,9 +21,8 @@ class PlanAndExecuteServer:
         self._planning = planning
         self._is_busy = False
         self._is_canceled = False
-        self._goal: ClientGoalHandle | None = None
-        self._action = node.resolve_service_name(node.get_parameter("execute_action").value)
-        self._arm = node.own(ActionClient(node, ExecutePlan, self._action), ActionClient.destroy)
+        self._arm = ArmClient(node)
+        self._execution: PlanExecution | None = None
         waiting = ReentrantCallbackGroup()
         for kind, name, callback in (
             (PlanAndExecute, "~/plan_and_execute", self._serve),
@@ -40,8 +33,8 @@ class PlanAndExecuteServer:
     def stop(self) -> None:
         """Have the arm stop; the request is answered when it has."""
         self._is_canceled = True
-        if self._goal is not None:
-            self._goal.cancel_goal_async()
+        if self._execution is not None:
+            self._execution.cancel()
 
     async def _serve(
         self, request: PlanAndExecute.Request, response: PlanAndExecute.Response
@@ -83,44 +76,14 @@ class PlanAndExecuteServer:
             RobotError: it did not, with its reason.
             CanceledError: it was stopped on request.
         """
-        if not self._arm.server_is_ready():
-            raise RobotError(f"planned, but no bridge serves {self._action}; is it running and configured?")
-        self._goal = await self._unless_gone(self._arm.send_goal_async(ExecutePlan.Goal(plan=planned.plan)))
+        self._execution = PlanExecution(self._arm)
         try:
-            if not self._goal.accepted:
-                raise RobotError(f"planned, but {self._action} rejected the plan; the bridge's /diagnostics say why")
-            if self._is_canceled:
-                self._goal.cancel_goal_async()
-            ended = await self._unless_gone(self._goal.get_result_async())
+            executed = await self._execution.run(planned.plan)
+        except RobotError as error:
+            raise RobotError(f"planned, but {error}") from error
         finally:
-            self._goal = None
-        if ended.status == GoalStatus.STATUS_SUCCEEDED and ended.result.success:
-            return str(ended.result.message)
-        if self._is_canceled:
-            raise CanceledError(f"the arm was stopped: {ended.result.message}")
-        raise RobotError(f"planned, but not executed to its end: {ended.result.message}")
-
-    def _unless_gone(self, answer: Future) -> Future:
-        """The answer, or the error that the bridge has gone, after which none will come."""
-        result = Future()
-
-        def look() -> None:
-            if answer.done() or not self._arm.server_is_ready():
-                timer.cancel()
-                self._node.destroy_timer(timer)
-                if answer.done():
-                    return
-                gone = RobotError(f"{self._action} has gone while it executed the plan; look after the arm")
-                result.set_exception(gone)
-
-        timer = self._node.create_timer(LOOK_PERIOD_S, look)
-
-        def deliver(done: Future) -> None:
-            if not result.done():
-                result.set_result(done.result())
-
-        answer.add_done_callback(deliver)
-        return result
+            self._execution = None
+        return str(executed.message)
 
     def _cancel(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         executing, planning = self._is_busy, self._planning.is_busy

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any, Generic, TypeVar
 
+from action_msgs.msg import GoalStatus
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
 
@@ -55,7 +56,7 @@ class GoalServer(Generic[JobT]):
             name,
             self._abort,
             handle_accepted_callback=self._accept,
-            cancel_callback=lambda handle: CancelResponse.ACCEPT if self._cancel() else CancelResponse.REJECT,
+            cancel_callback=self._cancel_running,
             result_timeout=RESULT_KEPT_S,
         )
         node.own(server, ActionServer.destroy)
@@ -72,6 +73,11 @@ class GoalServer(Generic[JobT]):
     async def _answer(self, job: JobT, handle: ServerGoalHandle) -> Any:
         with self._node.goal_open():
             return await self._run(job, handle)
+
+    def _cancel_running(self, handle: ServerGoalHandle) -> CancelResponse:
+        """Stop the job of this goal, never that of another: rclpy keeps goals that it accepted and could not begin."""
+        begun = handle.status == GoalStatus.STATUS_EXECUTING
+        return CancelResponse.ACCEPT if begun and self._cancel() else CancelResponse.REJECT
 
     async def _abort(self, handle: ServerGoalHandle, reason: str = "no job began for this goal") -> Any:
         handle.abort()

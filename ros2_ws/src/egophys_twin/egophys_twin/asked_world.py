@@ -2,14 +2,16 @@
 
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager
 from functools import partial
 
 from egophys_msgs.action import ExecutePlan
+from egophys_msgs.msg import WaypointPlan
+from egophys_ros_common.arm_client import ArmClient, PlanExecution
 from egophys_ros_common.conversions import plan_message
 from egophys_ros_common.managed_node import ManagedNode
 from egophys_ros_common.parameters import declare_names, declare_number
-from rclpy.action import ActionClient
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
@@ -23,7 +25,6 @@ from egophys_twin.asked_motion import Placement, placement, plan_that_lets_go, p
 from egophys_twin.diagnosis import DoMotion, Tell
 from egophys_twin.episode_parameters import recorded_name
 from egophys_twin.executions import execution_episode, measured_path
-from egophys_twin.plan_execution import PlanExecution, require_bridge
 from egophys_twin.seen_object import ObjectRecording
 
 EXECUTE = {
@@ -62,8 +63,7 @@ class AskedWorld:
     def __init__(self, node: ManagedNode) -> None:
         """Create the client of the bridge; the node destroys it at cleanup."""
         self._node = node
-        self._action = node.resolve_service_name(node.get_parameter("execute_action").value)
-        self._arm = node.own(ActionClient(node, ExecutePlan, self._action), ActionClient.destroy)
+        self._arm = ArmClient(node)
 
     def limits(self) -> HandLimits:
         """What the arm may do."""
@@ -76,7 +76,7 @@ class AskedWorld:
         Raises:
             RobotError: no bridge is there.
         """
-        require_bridge(self._arm, self._action)
+        self._arm.require_bridge()
 
     def of(self, twin: Twin, limits: HandLimits) -> DoMotion:
         """Where motions are done with the object of a twin, within limits."""
@@ -93,15 +93,15 @@ class AskedWorld:
             pose = self._placement(twin, seen, tell)
             plan = plan_that_lets_go(pose.of(asked), highest=limits.highest_m + twin.ground_height)
             message = plan_message(plan, self._node.get_clock().now().to_msg())
-            execution = PlanExecution(self._node, self._arm, self._action)
+            execution = PlanExecution(self._arm)
             try:
-                execution.begin(message)
-                self._wait(execution.ended, partial(tell, f"motion {number}: {proposal.motion.sentence}"))
+                executed = self._begin(execution, message)
+                self._wait(executed.done, partial(tell, f"motion {number}: {proposal.motion.sentence}"))
             except BaseException:
-                execution.cancel()
+                self._node.hand_over(execution.cancel)
                 raise
             # What comes after it lets the object go; that is no part of the motion.
-            path = measured_path(execution.executed(), source=f"motion {number}").until(proposal.motion.duration)
+            path = measured_path(executed.result().executed, source=f"motion {number}").until(proposal.motion.duration)
             end = int(path.stamps_ns[-1]) if len(path.stamps_ns) else 0
             self._wait(
                 lambda: seen.newest_ns() >= end or seen.silent_s() > SILENCE_S,
@@ -120,6 +120,19 @@ class AskedWorld:
             object_topic=seen.topic,
             ground_height=twin.ground_height,
         )
+
+    def _begin(self, execution: PlanExecution, plan: WaypointPlan) -> Future[ExecutePlan.Result]:
+        """Begin to execute a plan; what it ends with, for a worker's thread."""
+        executed: Future[ExecutePlan.Result] = Future()
+
+        async def run() -> None:
+            try:
+                executed.set_result(await execution.run(plan))
+            except Exception as error:
+                executed.set_exception(error)
+
+        self._node.hand_over(lambda: self._node.executor.create_task(run))
+        return executed
 
     def _placement(self, twin: Twin, seen: ObjectRecording, tell: Tell) -> Placement:
         """How the object lies, once it is at rest."""

@@ -23,12 +23,13 @@ def group_count(rollouts: int) -> int:
 def pack(values: np.ndarray) -> np.ndarray:
     """[K, ...] per rollout -> [G, ..., LANES] float32; the last group is filled up with its last rollout."""
     groups = group_count(len(values))
-    padding = np.repeat(values[-1:], groups * LANES - len(values), axis=0)
-    padded = np.concatenate([values, padding]).reshape(groups, LANES, *values.shape[1:])
-    return np.ascontiguousarray(np.moveaxis(padded, 1, -1), dtype=np.float32)
+    if len(values) != groups * LANES:
+        values = values[np.minimum(np.arange(groups * LANES), len(values) - 1)]
+    lanes = values.reshape(groups, LANES, *values.shape[1:])
+    return np.ascontiguousarray(lanes.transpose(0, *range(2, lanes.ndim), 1), dtype=np.float32)
 
 
 def unpack(packed: np.ndarray, rollouts: int) -> np.ndarray:
     """Inverse of `pack`: [G, ..., LANES] -> [K, ...]."""
-    values = np.moveaxis(packed, -1, 1)
+    values = packed.transpose(0, packed.ndim - 1, *range(1, packed.ndim - 1))
     return values.reshape(values.shape[0] * LANES, *values.shape[2:])[:rollouts]

@@ -17,6 +17,7 @@ from egophys_core.simulation.collision.self_collision import PairArrays
 from egophys_core.simulation.controls import ContactKind
 from egophys_core.simulation.device_arrays import (
     FIRMNESS,
+    MOTION_NAMES,
     controller_arrays,
     frame_arrays,
     grip_arrays,
@@ -31,6 +32,7 @@ from egophys_core.simulation.effect_rates import EffectRates
 from egophys_core.simulation.extremes import find_extremes
 from egophys_core.simulation.frame_advance import frame_advance
 from egophys_core.simulation.frames import into_record, into_world_directions
+from egophys_core.simulation.host_access import HostAccess
 from egophys_core.simulation.integrator import FASTEST
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, largest_eigenvalues, stable_substeps
 from egophys_core.simulation.substep import FrameInputs
@@ -61,8 +63,8 @@ class Segment:
     press_columns: tuple[np.ndarray, ...]
     """Per rollout, where its presses stand in `presses`."""
     presses: PressArrays
-    rates: tuple[tuple[float, float], ...]
-    """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, of springs (their anchors), grips and presses."""
+    rates: np.ndarray
+    """[2, K] largest stiffness rate 1/s^2 and damping rate 1/s, of springs (their anchors), grips and presses."""
     spring_rates: np.ndarray
     """[K] largest stiffness rate of the object's springs alone, 1/s^2; 0 where nothing changes these."""
     durations: np.ndarray
@@ -116,6 +118,11 @@ class Engine:
         self.finder = PairFinder(batch.rest_positions, distances, device) if distances.any() else None
         self.no_pairs = PairArrays()
         self.advance = frame_advance(self.groups, self.nodes, self.controllers.shape[2], self.memory, device)
+        written = {name: getattr(self.controller_arrays, name) for name in MOTION_NAMES}
+        written |= {name: getattr(self.frame_arrays, name) for name in ("start", "duration", "substeps", "divergence")}
+        if batch.nudging is not None:
+            written |= {name: getattr(self.nudging, name) for name in ("accelerations", "drags")}
+        self._host = {name: HostAccess(array) for name, array in written.items()}
         self.segments: list[Segment] = []
         """Of each frame advanced so far."""
         self.failures: list[str | None] = [None] * batch.count
@@ -170,32 +177,35 @@ class Engine:
         if nudging is not None and running.any():
             found, drags[running] = nudging(time, there if frames is None else into_record(there, frames[running]))
             accelerations[running] = found if frames is None else into_world_directions(found, frames[running])
-        self.nudging.accelerations.assign(pack(accelerations))
-        self.nudging.drags.assign(pack(drags))
+        self._host["accelerations"].write(pack(accelerations))
+        self._host["drags"].write(pack(drags))
 
     def frame_inputs(self, frames: np.ndarray, segment: Segment) -> FrameInputs:
         """What the kernels read in a frame of each rollout, `frames` [K], that begins with the present state."""
-        arrays, rows = self.frame_arrays, np.arange(self.batch.count)
-        arrays.start.assign(pack(self.times[frames] - self.times[0]))
-        arrays.duration.assign(pack(segment.durations))
-        arrays.substeps.assign(pack(segment.substeps))
-        motion = self.controller_arrays
-        motion.start_positions.assign(pack(self.controllers[rows, frames]))
-        motion.end_positions.assign(pack(self.controllers[rows, frames + 1]))
-        motion.start_velocities.assign(pack(self.controller_velocities[rows, frames]))
-        motion.end_velocities.assign(pack(self.controller_velocities[rows, frames + 1]))
+        rows = np.arange(self.batch.count)
+        values = {
+            "start": self.times[frames] - self.times[0],
+            "duration": segment.durations,
+            "substeps": segment.substeps,
+            "start_positions": self.controllers[rows, frames],
+            "end_positions": self.controllers[rows, frames + 1],
+            "start_velocities": self.controller_velocities[rows, frames],
+            "end_velocities": self.controller_velocities[rows, frames + 1],
+        }
+        for name, value in values.items():
+            self._host[name].write(pack(value))
         return FrameInputs(
             springs=self.springs,
             grips=segment.grips,
             presses=segment.presses,
-            controllers=motion,
+            controllers=self.controller_arrays,
             parameters=self.parameters,
             rods=self.rods,
             nudging=self.nudging,
             terms=self.terms,
             effects=self.effects,
             pairs=self._pairs(float(segment.durations.max())),
-            frame=arrays,
+            frame=self.frame_arrays,
         )
 
     def _pairs(self, horizon: float) -> PairArrays:
@@ -239,7 +249,7 @@ class Engine:
             grips=grips,
             press_columns=tuple(press_columns),
             presses=presses,
-            rates=tuple(map(tuple, (np.stack(of_springs, axis=1) + of_presses).tolist())),
+            rates=np.stack(of_springs) + of_presses,
             spring_rates=self._spring_rates(),
             durations=durations,
             substeps=np.zeros(self.batch.count, int),
@@ -247,10 +257,10 @@ class Engine:
         return replace(segment, substeps=self._substeps(durations, self._rates(segment)))
 
     def _press_rates(self, attachments: Sequence[Attachments]) -> np.ndarray:
-        """[K, 2] what presses add to the largest stiffness rate, 1/s^2, and damping rate, 1/s, of each rollout."""
+        """[2, K] what presses add to the largest stiffness rate, 1/s^2, and damping rate, 1/s, of each rollout."""
         presses = np.array([(~held.holds).sum() for held in attachments])
-        firmness = np.array([(each.controller_stiffness, each.damping) for each in self.batch.parameters])
-        return np.asarray(FIRMNESS * firmness * (presses / self.batch.masses.min(axis=1))[:, None])
+        firmness = np.array([(each.controller_stiffness, each.damping) for each in self.batch.parameters]).T
+        return np.asarray(FIRMNESS * firmness * (presses / self.batch.masses.min(axis=1)))
 
     def _spring_rates(self) -> np.ndarray:
         """[K] as `Segment.spring_rates`; the same in all segments."""
@@ -261,17 +271,17 @@ class Engine:
         nothing_held, _ = self.grips_of((NOTHING_HELD,) * self.batch.count)
         return largest_eigenvalues(self.anchored, nothing_held, self.parameters.masses, self.batch.count, damping=False)
 
-    def _rates(self, segment: Segment) -> list[tuple[float, float]]:
-        """Per rollout, largest stiffness rate 1/s^2 and damping rate 1/s, with what effects add in the coming frame.
+    def _rates(self, segment: Segment) -> tuple[np.ndarray, np.ndarray]:
+        """[K] largest stiffness rates 1/s^2 and [K] damping rates 1/s, with what effects add in the coming frame.
 
         The largest eigenvalue of a sum is at most the sum of the largest ones, and that of springs which are at most so
         much stiffer than their anchors at most so much larger.
         """
         added = self.effect_rates.at(*self._extremes()) if self.effect_rates.follows else self.effect_rates.at_rest()
-        stiffness, damping = np.array(segment.rates).T
+        stiffness, damping = segment.rates
         factor = added.factor * (1.0 if self.codebook is None else self.codebook.largest_factors(self.springs))
         stiffness = stiffness + (factor - 1.0) * segment.spring_rates + added.stiffness
-        return list(zip(stiffness.tolist(), (damping + added.damping).tolist(), strict=True))
+        return stiffness, damping + added.damping
 
     def _extremes(self) -> tuple[np.ndarray, np.ndarray]:
         """[K] the largest strain of each rollout, and its largest speed, m/s; 0 where it diverged."""
@@ -294,13 +304,8 @@ class Engine:
         """The presses of all rollouts as arrays, and where each rollout's own stand in them."""
         return press_arrays(self.batch, attachments, self.device, requires_grad=self.requires_grad)
 
-    def _substeps(self, durations: np.ndarray, rates: Sequence[tuple[float, float]]) -> np.ndarray:
-        substeps = np.array(
-            [
-                stable_substeps(duration, *rate, longest_substep=self.longest_substep)
-                for duration, rate in zip(durations, rates, strict=True)
-            ]
-        )
+    def _substeps(self, durations: np.ndarray, rates: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        substeps = stable_substeps(durations, *rates, longest_substep=self.longest_substep)
         per_second = substeps / durations
         if per_second.max() > MOST_SUBSTEPS_PER_SECOND:
             row = int(per_second.argmax())
@@ -313,16 +318,17 @@ class Engine:
         return substeps
 
     def _record_divergence(self, frame: int, segment: Segment) -> None:
-        codes = self.frame_arrays.divergence.numpy().reshape(-1)[: self.batch.count]
+        divergence = self._host["divergence"]
+        codes = divergence.read().reshape(-1)[: self.batch.count]
         found = (codes >= 0) & (codes < RUNNING)
         if not found.any():
             return
         for row in np.flatnonzero(found):
             substep, node = divmod(int(codes[row]), self.nodes)
             self.failures[row] = self._cause(row, frame, substep, node, segment)
-        everything = self.frame_arrays.divergence.numpy().copy()
+        everything = divergence.read().copy()
         everything[everything < RUNNING] = STOPPED
-        self.frame_arrays.divergence.assign(everything)
+        divergence.write(everything)
 
     def _cause(self, row: int, frame: int, substep: int, node: int, segment: Segment) -> str:
         dt = segment.durations[row] / segment.substeps[row]
@@ -337,5 +343,5 @@ class Engine:
             cause = "lower the stiffness, the damping or the size of extra forces"
         return (
             f"node {node} is faster than {FASTEST:g} m/s or not finite on the way to frame {frame + 1} "
-            f"(t={time:.3f} s) with omega*dt = {dt * np.sqrt(segment.rates[row][0]):.2f}, stable below 2; {cause}"
+            f"(t={time:.3f} s) with omega*dt = {dt * np.sqrt(segment.rates[0, row]):.2f}, stable below 2; {cause}"
         )

@@ -308,7 +308,7 @@ class _BackwardPass:
             grips=grips,
             press_columns=tuple(press_columns),
             presses=presses,
-            rates=tuple(segment.rates[row] for segment, row in rows),
+            rates=np.stack([segment.rates[:, row] for segment, row in rows], axis=1),
             spring_rates=np.array([segment.spring_rates[row] for segment, row in rows]),
             durations=np.array([segment.durations[row] for segment, row in rows]),
             substeps=np.where(active, [segment.substeps[row] for segment, row in rows], 0),

@@ -116,8 +116,7 @@ def _fastest_rates(batch: RolloutBatch) -> np.ndarray:
         2 * ((touching @ weights.T).T / batch.masses).max(axis=1) for weights in (batch.stiffness, batch.damping)
     )
     added = EffectRates(batch).at_rest()
-    rates = np.stack([stiff * added.factor + added.stiffness, damped + added.damping], axis=1)
-    return np.array([stable_substeps(1.0, *row) for row in rates])
+    return stable_substeps(1.0, stiff * added.factor + added.stiffness, damped + added.damping)
 
 
 def _effects_code(batch: RolloutBatch) -> np.ndarray:

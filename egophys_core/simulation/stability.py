@@ -2,6 +2,7 @@
 
 import numpy as np
 import warp as wp
+from numpy.typing import ArrayLike
 
 from egophys_core.lanes import Lanes, unpack
 from egophys_core.simulation.power_iteration import iterate_power
@@ -49,24 +50,25 @@ def largest_eigenvalues(
 
 
 def stable_substeps(
-    frame_duration: float,
-    stiffness_rate: float,
-    damping_rate: float,
+    frame_duration: ArrayLike,
+    stiffness_rate: ArrayLike,
+    damping_rate: ArrayLike,
     *,
     longest_substep: float = LONGEST_SUBSTEP,
-) -> int:
-    """Substeps per frame for which semi-implicit Euler is stable, with margin, and accurate.
+) -> np.ndarray:
+    """[K] int substeps per frame for which semi-implicit Euler is stable, with margin, and accurate.
 
     A mode x'' = -omega^2 x - d x' advanced by v += dt (-omega^2 x - d v), x += dt v is stable for
     dt^2 omega^2 + 2 dt d < 4 (Jury's criterion on its two-by-two step matrix).
 
     Args:
-        frame_duration: seconds.
-        stiffness_rate: largest omega^2, 1/s^2.
-        damping_rate: largest d, 1/s.
+        frame_duration: [K] or one for all, seconds.
+        stiffness_rate: [K] largest omega^2, 1/s^2.
+        damping_rate: [K] largest d, 1/s.
         longest_substep: seconds, for accuracy.
     """
     # Inverse of the positive root of dt^2 omega^2 + 2 dt d = 4, written without cancellation.
-    fewest_per_second = (damping_rate + np.sqrt(damping_rate**2 + 4.0 * stiffness_rate)) / 4.0
-    per_second = max(fewest_per_second / SAFETY, 1.0 / longest_substep)
-    return int(np.ceil(frame_duration * per_second * (1.0 - 1.0e-9)))
+    damping = np.asarray(damping_rate, np.float64)
+    fewest_per_second = (damping + np.sqrt(damping**2 + 4.0 * np.asarray(stiffness_rate))) / 4.0
+    per_second = np.maximum(fewest_per_second / SAFETY, 1.0 / longest_substep)
+    return np.ceil(frame_duration * per_second * (1.0 - 1.0e-9)).astype(int)

@@ -32,6 +32,11 @@ class TrackNudging:
         self.seen = np.isfinite(tracks.smooth).all(axis=2)
         self.target = np.where(self.seen[..., None], tracks.smooth, 0.0)
         self.speed = np.where(self.seen[..., None], tracks.velocities, 0.0)
+        share = (self.spread @ self.seen.T.astype(float)).T
+        self.nudged = share > 0
+        """[T, N] whether a track pulls at a node."""
+        self.mean = np.where(self.nudged, 1.0 / np.maximum(share, 1e-9), 0.0)
+        """[T, N]: what makes the sum of tracks that pull at a node their mean."""
 
     def __call__(self, time: float, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Towards the tracks of the frame at `time`, for nodes [K, N, 3]: accelerations [K, N, 3], drags [N]."""
@@ -40,8 +45,6 @@ class TrackNudging:
         offset = self.target[frame] - self.tracks.on_twin(positions)
         damping = 2.0 * DAMPING_RATIO * self.rate
         nudge = (self.rate**2 * offset + damping * self.speed[frame]) * seen[:, None]
-        share = self.spread @ seen.astype(float)
-        share_inverse = np.where(share > 0, 1.0 / np.maximum(share, 1e-9), 0.0)
         flat = nudge.transpose(1, 0, 2).reshape(len(seen), -1)
-        accelerations = (self.spread @ flat).reshape(len(share), -1, 3).transpose(1, 0, 2)
-        return accelerations * share_inverse[:, None], np.where(share > 0, damping, 0.0)
+        accelerations = (self.spread @ flat).reshape(self.spread.shape[0], -1, 3).transpose(1, 0, 2)
+        return accelerations * self.mean[frame][:, None], np.where(self.nudged[frame], damping, 0.0)

@@ -32,6 +32,12 @@ SAMPLES = 2000
 FOOT = 0.3
 """Of the spacing: height above the lowest point up to which an object stands on the table."""
 
+FEET = (FOOT, 0.6, 0.9)
+"""The same where its middle would not be above what it stands on: the least is taken with which it is."""
+
+ABOVE = 0.5
+"""Of the spacing: how far inside of its foot the middle of what stands is at least."""
+
 
 def inside_of(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     """[I, 3] the nodes of a solid that are not seen, of points [P, 3], their spacing and the table's height, metres."""
@@ -42,7 +48,7 @@ def inside_of(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
     except QhullError:
         return np.zeros((0, 3))
     lowest = float(shell[:, 2].min())
-    stands = shell[:, 2] < lowest + FOOT * spacing
+    stands = _stands(shell, spacing)
     # It lies still on what it stands on, which is flat; on the nodes of a round foot it would rock.
     shell[len(points) :][stands[len(points) :], 2] = lowest
     foot = _thinned(shell[stands] * [1, 1, 0] + [0, 0, lowest], shell, spacing)
@@ -51,6 +57,26 @@ def inside_of(points: np.ndarray, spacing: float, ground: float) -> np.ndarray:
         # Nodes are of equal mass: at a back of which little is seen it would be too light.
         shell = np.concatenate([shell, _thinned(_on_hull(shell), shell, spacing)])
     return np.concatenate([shell[len(points) :], _fill(shell, spacing)])
+
+
+def _stands(shell: np.ndarray, spacing: float) -> np.ndarray:
+    """[P] bool, which points of a shell [P, 3] stand on the table: it lies still, so its middle is above them."""
+    heights = shell[:, 2] - shell[:, 2].min()
+    middle = np.concatenate([shell, _fill(shell, spacing)]).mean(axis=0)
+    for share in FEET:
+        stands = heights < share * spacing
+        if _is_above(middle[:2], shell[stands, :2], ABOVE * spacing):
+            break
+    return np.asarray(stands)
+
+
+def _is_above(middle: np.ndarray, foot: np.ndarray, inside: float) -> bool:
+    """Whether a place [2] lies at least so far inside of the hull of others [P, 2], metres."""
+    try:
+        edges = ConvexHull(foot).equations
+    except (QhullError, ValueError):
+        return False
+    return bool((edges[:, :2] @ middle + edges[:, 2]).max() <= -inside)
 
 
 def _thinned(points: np.ndarray, others: np.ndarray, spacing: float) -> np.ndarray:

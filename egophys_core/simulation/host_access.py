@@ -5,7 +5,7 @@ import warp as wp
 
 
 class HostAccess:
-    """An array on a device. On a CPU the host uses its memory: a copy for each of ten arrays took a tenth of a rollout."""
+    """An array on a device. On a CPU the host uses its memory: copies of ten arrays took a tenth of a rollout."""
 
     def __init__(self, array: wp.array) -> None:
         """Of an array that stays where it is."""

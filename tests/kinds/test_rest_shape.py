@@ -1,5 +1,7 @@
 """The object at rest: nodes, kind, filling; and where another episode has it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, Delaunay
@@ -8,6 +10,7 @@ from egophys_core.effects.rotations import rotation
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
 from egophys_core.kinds.rest_shape import rest_shape
+from egophys_core.kinds.solid import SEARCHED, model_of
 from egophys_core.observation.at_rest import observed_at_rest, still_frames
 from egophys_core.observation.contact import see_hands
 from egophys_core.observation.registration import place, placed
@@ -305,3 +308,15 @@ def test_object_already_in_place_is_left_to_the_bit():
     pose = place(nodes, nodes + np.float32(0.002), spacing=0.03)
     assert not pose.any()
     assert np.array_equal(placed(nodes, pose, nodes.mean(axis=0)), nodes)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.5e-3], ids=["exact", "noisy"])
+def test_a_soft_toy_that_lies_askew_does_not_fall_over_by_itself(noise):
+    """On its broad side, where it would rock back; seen from above, so that what it stands on has to be inferred."""
+    seen, _ = seen_of_ellipsoid(rotation(np.array([np.pi / 2, 0.3, 0.0])))
+    seen = seen + np.random.default_rng(7).normal(0.0, noise, seen.shape)
+    shape = replace(shape_of(at_rest(seen)), grasp_radius=0.03)
+    model = model_of(shape, {each.name: each.start for each in SEARCHED} | {"stiffness_rate": 8e4}, 0.0)
+    result = rollout(batch_of_models([model], [idle_controls(frame_times(2.0, 1 / 30))], ground_height=0.0))
+    result.raise_on_failure()
+    assert np.linalg.norm(result.positions[0] - shape.positions, axis=2).max() < 5e-3

@@ -25,6 +25,7 @@ def asked_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
         "limit",
         "TE before, after (mm)",
         "s",
+        "at",
     )
     lines = [
         [
@@ -39,6 +40,7 @@ def asked_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
             _figure(row["limit"]),
             f"{1e3 * row['track_before_m']:.1f}, {1e3 * row['track_after_m']:.1f}",
             f"{row['seconds']:.0f}",
+            row["commit"],
         ]
         for row in (*injected, *nothing)
     ]

@@ -53,7 +53,7 @@ def make_anchor(item: Item, folder: Path) -> None:
     """Fit one item on its train frames; if it is for training refine it densely, too."""
     episode = read_episode(item.path)
     problem, shape = prepared(episode)
-    if not _path(folder, item, "coarse").exists():
+    if not is_anchored(item, folder):
         fit = fit_coarse([problem], shape, OPTIONS, seed=SEED, progress=lambda share, loss: None)
         keep_model(fit.model, problem, folder, item, "coarse")
     if item.split is Split.TRAINING:
@@ -67,6 +67,11 @@ def read_anchored(item: Item, folder: Path) -> AnchoredItem:
     episode = read_episode(item.path)
     problem, _ = prepared(episode)
     return AnchoredItem(episode=episode, problem=problem, model=read_model(folder, item, "coarse"))
+
+
+def is_anchored(item: Item, folder: Path) -> bool:
+    """Whether an item has its coarse fit."""
+    return _path(folder, item, "coarse").exists()
 
 
 def keep_model(model: ObjectModel, problem: FitProblem, folder: Path, item: Item, name: str) -> None:

@@ -11,23 +11,23 @@ COLUMNS = ("model", "n", "train CD", "test CD", "/ anchor", "train TE", "test TE
 
 def prior_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
     """Errors of every model on all held-out sequences, and on parts of them; mm, and ratios of means."""
-    parts = {f"All {result['held_out_sequences']} held-out sequences": result["rows"]}
+    parts = {f"All {result['held_out_sequences']} held-out sequences of the set": result["rows"]}
     parts |= {name.capitalize(): rows for name, rows in result["sets"].items()}
-    revisions = newest_first(revisions_in(result["rows"]), dates)
     cost = f"A rollout with the codebook costs {result['rollout_cost_ratio']:.2f} times one without."
     asked = "Asked at other rates, and nodes that move otherwise than where it is asked in every substep:"
     refined = "The codebook's errors over those of refinement, and the CPU time of that over its own, where both are:"
-    tables = [f"{name}:\n\n{_part(rows)}" for name, rows in parts.items() if rows]
-    measured = [f"At {described(each, dates)}: {_models_of(each, result['rows'])}." for each in revisions]
-    return "\n\n".join([*tables, " ".join(measured), refined, _against(result), cost, asked, _rates(result["rates"])])
+    tables = [f"{name}:\n\n{_part(rows, dates)}" for name, rows in parts.items() if rows]
+    return "\n\n".join([*tables, refined, _against(result), cost, asked, _rates(result["rates"])])
 
 
 def _models_of(revision: str, rows: list[dict[str, Any]]) -> str:
     return ", ".join(row["model"] for row in rows if row["commit"] == revision)
 
 
-def _part(rows: list[dict[str, Any]]) -> str:
-    return table(COLUMNS, [_line(row) for row in rows])
+def _part(rows: list[dict[str, Any]], dates: Mapping[str, str]) -> str:
+    revisions = newest_first(revisions_in(rows), dates)
+    measured = [f"At {described(each, dates)}: {_models_of(each, rows)}." for each in revisions]
+    return "\n\n".join([table(COLUMNS, [_line(row) for row in rows]), " ".join(measured)])
 
 
 def _rates(rows: list[dict[str, Any]]) -> str:

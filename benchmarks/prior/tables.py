@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.prior.anchors import ANCHORS, read_anchored
+from benchmarks.prior.anchors import ANCHORS, is_anchored, read_anchored
 from benchmarks.prior.dataset import FOLDER
 from benchmarks.prior.items import Item, all_items
 from benchmarks.prior.measure import (
@@ -52,22 +52,21 @@ def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, r
     """What goes into `benchmarks/results/prior.json`, from the rows that are there and what the file has of others."""
     earlier = json.loads(RESULT.read_text())
     held_out = [each for each in all_items(data) if each.split is Split.HELD_OUT]
-    sets = {
-        "rehearsed": [each for each in held_out if each.group == "rehearsed"],
+    rehearsed = [each for each in held_out if each.group == "rehearsed"]
+    parts = {
+        "rows": rehearsed,
         "paper": [each for each in held_out if each.paper],
         "open and blind": [each for each in held_out if each.group != "rehearsed"],
     }
-    before = {"all": earlier["rows"], **earlier["sets"]}
-    everything = {
-        name: with_earlier(table(items, rows), before[name]) for name, items in {"all": held_out, **sets}.items()
-    }
-    judged = [read_anchored(each, anchors) for each in sets["rehearsed"][:COST_ITEMS]]
+    before = {"rows": earlier["rows"], **earlier["sets"]}
+    measured = {name: with_earlier(table(items, rows), before[name]) for name, items in parts.items()}
+    judged = [read_anchored(each, anchors) for each in held_out if is_anchored(each, anchors)][:COST_ITEMS]
     codebook = load_codebook(checkpoint(trained, CODEBOOK))
     return {
-        "rows": everything.pop("all"),
-        "sets": everything,
-        "against_codebook": against_codebook(held_out, rows) or earlier["against_codebook"],
-        "held_out_sequences": max(earlier["held_out_sequences"], len(read_rows(held_out, COARSE, rows))),
+        "rows": measured.pop("rows"),
+        "sets": measured,
+        "against_codebook": against_codebook(rehearsed, rows) or earlier["against_codebook"],
+        "held_out_sequences": max(earlier["held_out_sequences"], len(read_rows(rehearsed, COARSE, rows))),
         **rollout_cost_ratio(judged, codebook),
         "rates": rates(judged[:RATE_ITEMS], codebook),
     }

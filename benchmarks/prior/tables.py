@@ -60,7 +60,8 @@ def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, r
     }
     before = {"rows": earlier["rows"], **earlier["sets"]}
     measured = {name: with_earlier(table(items, rows), before[name]) for name, items in parts.items()}
-    judged = [read_anchored(each, anchors) for each in held_out if is_anchored(each, anchors)][:COST_ITEMS]
+    anchored = [each for each in held_out if is_anchored(each, anchors)]
+    judged = [read_anchored(each, anchors) for each in anchored[:COST_ITEMS]]
     codebook = load_codebook(checkpoint(trained, CODEBOOK))
     return {
         "rows": measured.pop("rows"),

@@ -76,7 +76,7 @@ def _is_above(middle: np.ndarray, foot: np.ndarray, inside: float) -> bool:
         edges = ConvexHull(foot).equations
     except (QhullError, ValueError):
         return False
-    return bool((edges[:, :2] @ middle + edges[:, 2]).max() <= -inside)
+    return bool(_heights(middle[None], edges)[0] <= -inside)
 
 
 def _thinned(points: np.ndarray, others: np.ndarray, spacing: float) -> np.ndarray:
@@ -156,8 +156,8 @@ def _on_hull(points: np.ndarray) -> np.ndarray:
 
 
 def _heights(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
-    """[P] metres by which points [P, 3] lie outside of a convex hull with planes [F, 4], negative inside."""
-    return np.asarray((points @ hull[:, :3].T + hull[:, 3]).max(axis=1))
+    """[P] metres by which points [P, D] lie outside of a convex hull with facets [F, D + 1], negative inside."""
+    return np.asarray((points @ hull[:, :-1].T + hull[:, -1]).max(axis=1))
 
 
 def _fill(points: np.ndarray, spacing: float) -> np.ndarray:

@@ -117,6 +117,14 @@ def sent(executor, sender):
     return execution, executor.create_task(execution.run(WaypointPlan()))
 
 
+def begun(bridge, sender, executor):
+    """As `sent`, of a plan that lasts, once the bridge executes it."""
+    bridge.release = False
+    execution, task = sent(executor, sender)
+    spin_until(executor, lambda: bridge.begun == 1)
+    return execution, task
+
+
 def ended(executor, task):
     spin_until(executor, task.done)
     return task.result()
@@ -144,10 +152,8 @@ def test_a_plan_that_began_unheard_is_stopped_and_not_begun_again(world, monkeyp
 
 def test_to_cancel_what_was_never_begun_leaves_the_arm_to_whom_it_serves(world, monkeypatch):
     bridge, sender, executor = world
-    bridge.release = False
     lose_answers(sender.arm, monkeypatch, [1])
-    _, first = sent(executor, sender)
-    spin_until(executor, lambda: bridge.begun == 1)
+    _, first = begun(*world)
     bridge.forgets = 1
     _, second = sent(executor, sender)
     with pytest.raises(RobotError, match="the arm is busy"):
@@ -168,20 +174,15 @@ def test_a_bridge_that_never_answers_is_an_error(world, monkeypatch):
 
 
 def test_a_plan_is_canceled(world):
-    bridge, sender, executor = world
-    bridge.release = False
-    execution, task = sent(executor, sender)
-    spin_until(executor, lambda: bridge.begun == 1)
+    execution, task = begun(*world)
     execution.cancel()
     with pytest.raises(CanceledError, match="it stands"):
-        ended(executor, task)
+        ended(world[-1], task)
 
 
 def test_a_bridge_that_goes_is_an_error(world):
-    bridge, sender, executor = world
-    bridge.release = False
-    _, task = sent(executor, sender)
-    spin_until(executor, lambda: bridge.begun == 1)
+    bridge, _, executor = world
+    _, task = begun(*world)
     bridge.close()
     with pytest.raises(RobotError, match="has gone while it had the plan"):
         ended(executor, task)

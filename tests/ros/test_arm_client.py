@@ -1,6 +1,7 @@
 """A plan that is sent to a bridge is executed or an error says why not, whatever of its answers is lost."""
 
 import itertools
+from uuid import uuid4
 
 import pytest
 import rclpy
@@ -11,8 +12,10 @@ from egophys_ros_common.arm_client import ArmClient, PlanExecution
 from egophys_ros_common.goal_server import GoalServer
 from egophys_ros_common.managed_node import ManagedNode
 from egophys_ros_common.worker import CanceledError
+from rclpy.action.client import ClientGoalHandle
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
+from unique_identifier_msgs.msg import UUID
 
 from egophys_core.errors import RobotError
 
@@ -76,13 +79,13 @@ class Sender(ManagedNode):
 @pytest.fixture
 def world(monkeypatch):
     """Bridge, sender, and their executor."""
-    monkeypatch.setattr(arm_client, "ANSWER_S", 0.5)
+    monkeypatch.setattr(arm_client, "ANSWER_S", 1.0)
     rclpy.init()
     executor = SingleThreadedExecutor()
     nodes = Bridge(), Sender()
     for each in nodes:
         executor.add_node(each)
-    spin_until(executor, nodes[1].arm.action.server_is_ready)
+    meet(executor, nodes[1].arm)
     yield *nodes, executor
     executor.shutdown()
     for each in nodes:
@@ -97,6 +100,19 @@ def spin_until(executor, condition):
             return
         executor.spin_once(0.02)
     raise AssertionError("it did not happen in 20 s")
+
+
+def meet(executor, arm):
+    """Spin until the bridge's answers reach the client: it is found by its client before it has found that client."""
+    spin_until(executor, arm.action.server_is_ready)
+    answers = []
+
+    def is_answered():
+        stranger = UUID(uuid=list(uuid4().bytes))
+        answers.append(ClientGoalHandle(arm.action, stranger, None).cancel_goal_async())
+        return any(answer.done() for answer in answers)
+
+    spin_until(executor, is_answered)
 
 
 def lose_answers(arm, monkeypatch, numbers):

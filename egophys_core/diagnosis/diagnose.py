@@ -3,7 +3,6 @@
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import compress
 from typing import TypeVar
 
@@ -28,7 +27,7 @@ from egophys_core.diagnosis.evidence.predicting_twin import best_predicting, bet
 from egophys_core.diagnosis.evidence.refit import Fitted
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, acceleration, observe, track_offsets
 from egophys_core.diagnosis.evidence.where import where
-from egophys_core.diagnosis.hypotheses.attained_gain import attained_gain
+from egophys_core.diagnosis.hypotheses.attained_gain import AttainedGains
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.diagnosis.hypotheses.search import Search
@@ -335,7 +334,7 @@ def _limits(problem: DiagnosisProblem, first: Search, fitted: Fitted) -> tuple[D
         linear_problem(twin.residuals, twin.jacobian, twin.scale),
         first.probes,
         needed_gain=problem.thresholds.gain_alone(fitted=count, validated=bool(problem.validation)),
-        attained=partial(attained_gain, problem.observations, twin),
+        attained=AttainedGains(problem.observations, twin),
     )
 
 

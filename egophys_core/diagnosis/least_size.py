@@ -1,6 +1,7 @@
 """The least size of an effect that gains enough."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,32 +39,49 @@ def least_share(gain: Callable[[float], float], needed: float, *, narrowings: in
     return float(np.exp(high))
 
 
-def corrected_share(gain: Callable[[float], float | None], needed: float, *, first: float) -> float | None:
-    """A share of the way to a bound, corrected to where an effect gains what is needed.
+@dataclass(frozen=True, kw_only=True)
+class Look:
+    """At an effect of some size."""
+
+    share: float
+    """Of the way to a bound."""
+    needed: float
+    """What it has to gain, in log-likelihood."""
+
+
+def corrected_shares(
+    gains: Callable[[Mapping[int, Look]], Mapping[int, float | None]], first: Sequence[Look]
+) -> list[float | None]:
+    """Shares of the ways to bounds, corrected to where effects gain what is needed; all are looked at together.
 
     A gain grows as the square of a small size; later as two looks say.
 
     Args:
-        gain: in log-likelihood at a share; None where it cannot be told: then the share is taken as it is.
-        needed: as much.
-        first: the share to begin with.
+        gains: of some of the effects, by their index in `first`, in log-likelihood; None where it cannot be told: then
+            the share is taken as it is.
+        first: looks to begin with.
 
     Returns:
-        None where it does not gain that much at the bound.
+        None where an effect does not gain that much at the bound.
     """
-    share, power, least = first, POWER, needed / FARTHEST**2
-    earlier: tuple[float, float] | None = None
+    shares: list[float | None] = [each.share for each in first]
+    power, earlier = [POWER] * len(first), dict[int, tuple[float, float]]()
+    open_looks = dict(enumerate(first))
     for _ in range(LOOKS):
-        gained = gain(share)
-        if gained is None:
-            break
-        found = max(gained, least)
-        if share == 1.0 and found < needed:
-            return None
-        if earlier is not None:
-            power = float(np.clip(np.log(found / earlier[1]) / np.log(share / earlier[0]), *POWERS))
-        times = float(np.clip((needed / found) ** (1.0 / power), 1.0 / FARTHEST, FARTHEST))
-        earlier, share = (share, found), min(share * times, 1.0)
-        if 1.0 / ROUGHLY <= times <= ROUGHLY:
-            break
-    return share if share < 1.0 else None
+        gained = gains(open_looks) if open_looks else {}
+        for index, look in [*open_looks.items()]:
+            needed, share, gain = look.needed, look.share, gained[index]
+            if gain is None or (share == 1.0 and gain < needed):
+                del open_looks[index]
+                continue
+            found = max(gain, needed / FARTHEST**2)
+            if index in earlier:
+                before, of_before = earlier[index]
+                power[index] = float(np.clip(np.log(found / of_before) / np.log(share / before), *POWERS))
+            times = float(np.clip((needed / found) ** (1.0 / power[index]), 1.0 / FARTHEST, FARTHEST))
+            earlier[index], shares[index] = (share, found), min(share * times, 1.0)
+            if 1.0 / ROUGHLY <= times <= ROUGHLY:
+                del open_looks[index]
+            else:
+                open_looks[index] = replace(look, share=min(share * times, 1.0))
+    return [None if each is None or each >= 1.0 else each for each in shares]

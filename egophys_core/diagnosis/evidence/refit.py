@@ -94,8 +94,8 @@ def refit(
         turns: as in `refit_further`.
     """
     parameters = tuple(parameters)
-    neighbours, steps = _neighbours(observations, model, parameters)
-    results = residuals(observations, [model, *neighbours])
+    beside, steps = neighbours(observations, model, parameters)
+    results = residuals(observations, [model, *beside])
     found = [each[0] for each in results]
     scale = scale or residual_scale(observations, found)
     start = Fitted(
@@ -135,7 +135,9 @@ def refit_further(
     (here,) = points([fitted.model], [each[None] for each in fitted.residuals])
     jacobian, nearby = fitted.jacobian, list[_Point]()
     for _ in range(iterations):
-        steps = [_step(here.residuals, jacobian, scale, here.position - start, damping) for damping in LM_DAMPINGS]
+        steps = [
+            damped_step(here.residuals, jacobian, scale, here.position - start, damping) for damping in LM_DAMPINGS
+        ]
         enough = here.score - LEAST_GAIN
         # A neighbour that was simulated for the slopes may be better than what they predict.
         best = min([*tried([*steps, *(LONGER * each for each in steps[:LONG_STEPS])]), *nearby], key=_score)
@@ -144,9 +146,9 @@ def refit_further(
         if best.score >= enough:
             break
         here = best
-        neighbours, apart = _neighbours(observations, here.model, parameters)
-        results = residuals(observations, neighbours)
-        jacobian, nearby = _slopes(here.residuals, results, apart), points(neighbours, results)
+        beside, apart = neighbours(observations, here.model, parameters)
+        results = residuals(observations, beside)
+        jacobian, nearby = _slopes(here.residuals, results, apart), points(beside, results)
     return replace(fitted, model=here.model, residuals=here.residuals, jacobian=jacobian)
 
 
@@ -195,9 +197,14 @@ def _score(point: _Point) -> float:
     return point.score
 
 
+def prior_loss(moved: np.ndarray) -> np.ndarray:
+    """[...] of parameters that moved [..., D] steps from their start."""
+    return np.asarray(0.5 * np.sum((moved / PRIOR_STEPS) ** 2, axis=-1))
+
+
 def _objective(found: Sequence[np.ndarray], scale: float, moved: np.ndarray) -> float:
     """The loss and the prior of parameters that moved [D] steps from their start."""
-    return robust_loss(found, scale) + 0.5 * float(np.sum((moved / PRIOR_STEPS) ** 2))
+    return robust_loss(found, scale) + float(prior_loss(moved))
 
 
 def secant_of(observations: Sequence[TrackedEpisode]) -> float:
@@ -205,20 +212,20 @@ def secant_of(observations: Sequence[TrackedEpisode]) -> float:
     return SECANT_OF_FREE_ROLLOUTS if all(each.free for each in observations) else 1.0
 
 
-def _neighbours(
+def neighbours(
     observations: Sequence[TrackedEpisode], model: ObjectModel, parameters: Sequence[FreeParameter]
 ) -> tuple[list[ObjectModel], list[float]]:
     """The model with each parameter moved alone, and by how many steps."""
     secant = secant_of(observations)
-    neighbours, steps = [], []
+    found, steps = [], []
     for parameter in parameters:
         at = parameter.position(model)
         # Backwards where the parameter stands at its upper end.
         ahead = parameter.to(model, at + secant)
         there = ahead if abs(parameter.position(ahead) - at) > 0.1 * secant else parameter.to(model, at - secant)
-        neighbours.append(there)
+        found.append(there)
         steps.append(parameter.position(there) - at)
-    return neighbours, steps
+    return found, steps
 
 
 def _slopes(
@@ -235,7 +242,7 @@ def _slopes(
         ]
 
 
-def _step(
+def damped_step(
     found: Sequence[np.ndarray], jacobian: Sequence[np.ndarray], scale: float, moved: np.ndarray, damping: float
 ) -> np.ndarray:
     """One step of iteratively reweighted least squares."""

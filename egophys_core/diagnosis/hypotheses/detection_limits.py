@@ -21,8 +21,9 @@ from egophys_core.diagnosis.evidence.linear_problem import (
     left_out_losses,
 )
 from egophys_core.diagnosis.evidence.refit import CORRELATED, PRIOR_STEPS
+from egophys_core.diagnosis.hypotheses.attained_gain import InjectedEffect
 from egophys_core.diagnosis.hypotheses.ranking import Probe
-from egophys_core.diagnosis.least_size import corrected_share, least_share
+from egophys_core.diagnosis.least_size import Look, corrected_shares, least_share
 
 NARROWINGS = 7
 """Bisections of a limit: from a range of a thousand to some percent."""
@@ -31,8 +32,8 @@ ALIKE_SHARE = 0.9
 """Of what an effect at its limit leaves in the residuals: what another takes up of it makes both look alike."""
 
 
-Attained = Callable[[Probe, str, float], float | None]
-"""The gain of one size of an effect, so many steps from null, after a refit of the twin without it; None if unknown."""
+Attained = Callable[[Sequence[InjectedEffect]], Sequence[float | None]]
+"""The gains of effects after refits of the twin without them; None where unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,12 +63,15 @@ def detection_limits(
     # What it seems to explain of residuals that lack it says how well the twin's mismatch passes for it.
     needed = {name: needed_gain + max(_gain_of(problem, each, 0, 0.0), 0.0) for name, each in columns.items()}
     left = {name: _beside_baseline(problem, each.values) for name, each in columns.items()}
+    ways = {
+        name: [_way(problem, columns[name], index, size, needed[name]) for index, size in enumerate(probe.sizes)]
+        for name, probe in typical.items()
+    }
+    if attained is not None:
+        ways |= _moved(ways, typical, needed, attained)
     found = []
     for name, probe in typical.items():
-        ways = [_way(problem, columns[name], index, size, needed[name]) for index, size in enumerate(probe.sizes)]
-        if attained is not None and ways:
-            ways = _moved(ways, probe, needed[name], attained)
-        for index, way in enumerate(ways):
+        for index, way in enumerate(ways[name]):
             parameter = effect_parameter(probe.effect, way.size)
             definition = parameter.definition
             assert definition.null is not None  # else it would say no size
@@ -86,23 +90,40 @@ def detection_limits(
     return tuple(found)
 
 
-def _moved(ways: Sequence[_Way], probe: Probe, needed_gain: float, attained: Attained) -> list[_Way]:
+def _moved(
+    ways: Mapping[str, Sequence[_Way]], probes: Mapping[str, Probe], needed: Mapping[str, float], attained: Attained
+) -> dict[str, list[_Way]]:
     """The limits moved to where refits attain what is needed: by as much as that of the size that shows least.
 
     Of sizes that slopes say never show, only one that is alone is looked for: to its bound.
     """
-    seen = [each for each in ways if each.share is not None]
-    way = max(seen, key=lambda each: each.share or 0.0, default=ways[0])
-    if not seen and len(ways) > 1:
-        return list(ways)
-    first = 1.0 if way.share is None else way.share
-    share = corrected_share(lambda part: attained(probe, way.size, part * way.end), needed_gain, first=first)
-    if way.share is None:
-        return [replace(way, share=share)]
-    if share is None:
-        return [replace(each, share=None) for each in ways]
-    moved = [None if each.share is None else each.share * share / first for each in ways]
-    return [replace(each, share=None if by is None or by > 1.0 else by) for each, by in zip(ways, moved, strict=True)]
+    least = {name: max(group, key=lambda each: each.share or 0.0) for name, group in ways.items() if group}
+    names = [name for name, way in least.items() if way.share is not None or len(ways[name]) == 1]
+
+    def gains(looks: Mapping[int, Look]) -> dict[int, float | None]:
+        injected = [
+            InjectedEffect(
+                probe=probes[name],
+                size=least[name].size,
+                steps=look.share * least[name].end,
+                needed_gain=needed[name],
+            )
+            for name, look in ((names[index], look) for index, look in looks.items())
+        ]
+        return dict(zip(looks, attained(injected), strict=True))
+
+    first = [Look(share=1.0 if (share := least[name].share) is None else share, needed=needed[name]) for name in names]
+    found = {}
+    for name, look, share in zip(names, first, corrected_shares(gains, first), strict=True):
+        by = None if share is None else share / look.share
+        alone = least[name].share is None
+        found[name] = [replace(way, share=_times(1.0 if alone else way.share, by)) for way in ways[name]]
+    return found
+
+
+def _times(share: float | None, by: float | None) -> float | None:
+    """A share moved, None beyond the bound."""
+    return None if share is None or by is None or share * by > 1.0 else share * by
 
 
 def _by_effect(probes: Sequence[Probe]) -> Mapping[str, list[Probe]]:

@@ -87,7 +87,10 @@ def attained_limits(gain, *probes):
     """With refits that attain a gain at each number of steps."""
     found, jacobian = [drawn(10, 1e-3), drawn(11, 1e-3)], [np.zeros((*SHAPE, 0))] * 2
     limits = detection_limits(
-        linear_problem(found, jacobian, 1e-3), probes, needed_gain=NEEDED, attained=lambda _, size, steps: gain(steps)
+        linear_problem(found, jacobian, 1e-3),
+        probes,
+        needed_gain=NEEDED,
+        attained=lambda injected: [gain(each.steps) for each in injected],
     )
     return {each.parameter: each.size for each in limits}
 
@@ -126,3 +129,11 @@ def test_all_sizes_of_an_effect_move_with_the_one_that_shows_least():
     moved = [after[each] / before[each] for each in "xyz"]
     assert moved == pytest.approx([moved[0]] * 3, rel=0.01)
     assert moved[0] < 0.7
+
+
+def test_a_size_that_is_never_seen_stays_so_beside_one_that_is():
+    slopes = [np.stack([drawn(seed, 2e-4), drawn(seed, 0.0), drawn(seed + 1, 1e-4)], -1) for seed in (1, 4)]
+    found = attained_limits(lambda there: 4.0 * NEEDED, probe("constant_body_force", slopes))
+    assert found["y"] is None
+    assert found["x"] is not None
+    assert found["z"] is not None

@@ -20,7 +20,7 @@ from egophys_core.diagnosis.hypotheses.ranking import Probe
 from egophys_core.diagnosis.hypotheses.visited_models import VisitedModels
 from egophys_core.twin import ObjectModel
 
-ROUNDS = 10
+ROUNDS = 14
 """Of steps to each world, at most."""
 
 DAMPINGS = (0.01, 1.0)

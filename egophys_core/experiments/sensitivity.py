@@ -20,6 +20,9 @@ from egophys_core.twin import ObjectModel
 REFITTED, REFIT_STEPS = 5, 3
 """Of the better half of the other twins so many, evenly chosen, are refitted by so many steps where that is asked."""
 
+STARTS = 3
+"""Of an effect that are looked at: the middle one counts, and there are a dozen in each of some dozen motions."""
+
 
 def limits_in(
     model: ObjectModel,
@@ -49,6 +52,7 @@ def limits_in(
         fitted.residuals,
         without=LIBRARY.keys() - set(effects),
         progress=lambda share: None,
+        most_starts=STARTS,
     )
     return detection_limits(problem, probes, needed_gain=needed_gain)
 

@@ -71,12 +71,22 @@ def test_parameters_have_bounds_and_a_null_between_them(name):
         assert each.null is None or each.low <= each.null <= each.high
 
 
+def test_few_starts_of_an_effect_whose_load_is_a_sum_are_simulated_themselves():
+    effect, around = LIBRARY["time_varying_body_force"], surroundings(sheet())
+    starts = effect.starts(around)
+    assert len(simulated_starts(effect, around, starts)[0]) < len(starts)
+    simulated, shares = simulated_starts(effect, around, starts[:3])
+    assert simulated == starts[:3]
+    np.testing.assert_array_equal(shares, np.eye(3))
+
+
 @pytest.mark.parametrize("make", [sheet, solid])
 @pytest.mark.parametrize("name", NAMES)
 def test_starts_are_complete_distinct_and_away_from_the_null(name, make):
     effect = LIBRARY[name]
-    starts = effect.starts(surroundings(make()))
-    assert 1 <= len(simulated_starts(effect, surroundings(make()))[0]) <= MOST_SIMULATED
+    around = surroundings(make())
+    starts = effect.starts(around)
+    assert 1 <= len(simulated_starts(effect, around, starts)[0]) <= MOST_SIMULATED
     assert len({tuple(start.values()) for start in starts}) == len(starts)
     for start in starts:
         assert set(start) == {each.name for each in effect.parameters}

@@ -125,16 +125,19 @@ def probe_effects(
     *,
     without: Collection[str],
     progress: Callable[[float], None],
+    most_starts: int | None = None,
 ) -> list[Probe]:
     """What every effect of the library does to the residuals `found` at its starts.
 
     Args:
         without: names of effects that are left out.
         progress: called with the share done.
+        most_starts: of an effect, evenly chosen; by default all.
     """
     around = surroundings(model, observations)
     effects = [effect for effect in LIBRARY.values() if effect.name not in without]
-    planned = {effect.name: simulated_starts(effect, around) for effect in effects}
+    starts = {effect.name: _evenly_chosen(effect.starts(around), most_starts) for effect in effects}
+    planned = {effect.name: simulated_starts(effect, around, starts[effect.name]) for effect in effects}
     secant = secant_of(observations)
     models = [
         with_effect(model, effect.name, {**at_null(effect, start), name: at_share(effect, start, secant)[name]})
@@ -156,7 +159,7 @@ def probe_effects(
                     for index, baseline in enumerate(found)
                 ]
             )
-        probes.extend(_probes(effect, effect.starts(around), shares, slopes))
+        probes.extend(_probes(effect, starts[effect.name], shares, slopes))
     return probes
 
 
@@ -165,10 +168,24 @@ def _finite(slopes: np.ndarray) -> np.ndarray:
     return np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
 
 
-def simulated_starts(effect: Effect, around: Surroundings) -> tuple[list[dict[str, float]], np.ndarray]:
-    """The starts that are simulated, and how much of each [S, K] is in each start of the effect."""
-    starts = effect.starts(around)
-    return effect.superposition(around, starts) if effect.superposition else (starts, np.eye(len(starts)))
+def _evenly_chosen(starts: list[dict[str, float]], most: int | None) -> list[dict[str, float]]:
+    if most is None or len(starts) <= most:
+        return starts
+    return [starts[row] for row in np.linspace(0, len(starts) - 1, most).round().astype(int)]
+
+
+def simulated_starts(
+    effect: Effect, around: Surroundings, starts: list[dict[str, float]]
+) -> tuple[list[dict[str, float]], np.ndarray]:
+    """What is simulated for some starts of an effect, and how much of each [S, K] is in each of these.
+
+    Where fewer rollouts tell of all of them, by superposition, it is those.
+    """
+    if effect.superposition:
+        pieces, shares = effect.superposition(around, starts)
+        if len(pieces) < len(starts):
+            return pieces, shares
+    return starts, np.eye(len(starts))
 
 
 def _probes(

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from benchmarks.tables import table
+from egophys_core.diagnosis.diagnosis import Outcome
 
 Rows = list[dict[str, Any]]
 
@@ -54,15 +55,21 @@ def _counts(injected: Rows, nothing: Rows) -> str:
         before, after = (sum(right(row, when) for row in own) for when in ("passive_", ""))
         parts.append(f"{after} of {len(own)} {size} ones after asking ({before} before)")
     invented = sum(bool(row["named"]) for row in nothing)
+    beside = sum(right(row) and names_more(row) for row in injected)
     return (
-        f"Named right, or in a complete ambiguous set: {' and '.join(parts)}. Names invented in {invented} of "
-        f"{len(nothing)} sets without an effect."
+        f"Named right, or in a complete ambiguous set: {' and '.join(parts)}; beside it something that was not "
+        f"injected: {beside}. Names invented in {invented} of {len(nothing)} sets without an effect."
     )
 
 
 def right(row: Mapping[str, Any], when: str = "") -> bool:
     """Whether what was injected is named, alone or among what cannot be told apart."""
     return row["effect"] in row[f"{when}named"]
+
+
+def names_more(row: Mapping[str, Any]) -> bool:
+    """Whether something is said to be there beside one effect, or beside one set of those that look alike."""
+    return Outcome(row["outcome"]) is not Outcome.AMBIGUOUS and len(row["named"]) > 1
 
 
 def _said(outcome: str, named: list[str]) -> str:

@@ -1,0 +1,39 @@
+"""The table of diagnoses that may ask counts what was named right, what was named beside it, and what was invented."""
+
+from benchmarks.asked_table import asked_table
+
+
+def row(effect, outcome, *named):
+    return {
+        "effect": effect,
+        "size": "large",
+        "object": "sheet",
+        "planted": None,
+        "passive_outcome": "none",
+        "passive_named": [],
+        "passive_limit": None,
+        "motions": [],
+        "outcome": outcome,
+        "named": list(named),
+        "limit": 1.0,
+        "track_before_m": 0.01,
+        "track_after_m": 0.02,
+        "seconds": 1.0,
+        "commit": "0000000",
+    }
+
+
+def test_names_beside_the_right_one_are_counted_apart():
+    rows = [
+        row("quadratic_drag", "named", "quadratic_drag"),
+        row("quadratic_drag", "named", "quadratic_drag", "hidden_tether"),
+        row("gravity_tilt", "ambiguous", "gravity_tilt", "constant_body_force"),
+        row("quadratic_drag", "named_and_ambiguous", "quadratic_drag", "tracking_offset", "gripper_offset"),
+        row("grasp_slip", "named", "control_delay"),
+        row("none", "unexplained"),
+        row("none", "named", "added_mass"),
+    ]
+    counts = asked_table({"rows": rows}, {}).split("\n\n")[0]
+    assert "4 of 5 large ones after asking (0 before)" in counts
+    assert "beside it something that was not injected: 2." in counts
+    assert "invented in 1 of 2 sets" in counts

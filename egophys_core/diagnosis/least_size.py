@@ -79,9 +79,10 @@ def corrected_shares(
                 before, of_before = earlier[index]
                 power[index] = float(np.clip(np.log(found / of_before) / np.log(share / before), *POWERS))
             times = float(np.clip((needed / found) ** (1.0 / power[index]), 1.0 / FARTHEST, FARTHEST))
-            earlier[index], shares[index] = (share, found), min(share * times, 1.0)
+            there = min(share * times, 1.0)
+            earlier[index], shares[index] = (share, found), there
             if 1.0 / ROUGHLY <= times <= ROUGHLY:
                 del open_looks[index]
             else:
-                open_looks[index] = replace(look, share=min(share * times, 1.0))
+                open_looks[index] = replace(look, share=there)
     return [None if each is None or each >= 1.0 else each for each in shares]

@@ -135,9 +135,7 @@ def refit_further(
     (here,) = points([fitted.model], [each[None] for each in fitted.residuals])
     jacobian, nearby = fitted.jacobian, list[_Point]()
     for _ in range(iterations):
-        steps = [
-            damped_step(here.residuals, jacobian, scale, here.position - start, damping) for damping in LM_DAMPINGS
-        ]
+        steps = damped_steps(here.residuals, jacobian, scale, here.position - start, LM_DAMPINGS)
         enough = here.score - LEAST_GAIN
         # A neighbour that was simulated for the slopes may be better than what they predict.
         best = min([*tried([*steps, *(LONGER * each for each in steps[:LONG_STEPS])]), *nearby], key=_score)
@@ -242,16 +240,20 @@ def _slopes(
         ]
 
 
-def damped_step(
-    found: Sequence[np.ndarray], jacobian: Sequence[np.ndarray], scale: float, moved: np.ndarray, damping: float
-) -> np.ndarray:
-    """One step of iteratively reweighted least squares."""
+def damped_steps(
+    found: Sequence[np.ndarray],
+    jacobian: Sequence[np.ndarray],
+    scale: float,
+    moved: np.ndarray,
+    dampings: Sequence[float],
+) -> list[np.ndarray]:
+    """Steps [D] of iteratively reweighted least squares, one for each damping."""
     matrix, vector = normal_equations(found, jacobian, scale)
     prior = np.eye(len(moved)) / PRIOR_STEPS**2
     matrix = matrix + prior
     vector = vector + moved / PRIOR_STEPS**2
-    damped = matrix + damping * np.diag(np.maximum(np.diag(matrix), 1e-6))
-    return -np.linalg.solve(damped, vector)
+    diagonal = np.diag(np.maximum(np.diag(matrix), 1e-6))
+    return [-np.linalg.solve(matrix + damping * diagonal, vector) for damping in dampings]
 
 
 def normal_equations(

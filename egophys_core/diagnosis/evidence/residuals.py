@@ -69,8 +69,6 @@ class TrackedEpisode:
     """Whether a clamp holds it that stands still, and was set up anew for this record."""
     record: Episode | None = None
     """Of markers: the whole record, with what came before rollouts begin."""
-    added: np.ndarray | None = None
-    """[B, Q, 3] metres by which all residuals are changed: as if another world had been recorded."""
 
     @property
     def episode(self) -> Episode:
@@ -244,7 +242,5 @@ def _left_in_blocks(observation: TrackedEpisode, offsets: np.ndarray, diverged: 
         means = innovations(means)
     elif observation.mounted:
         means = beside_mounting(means)
-    if observation.added is not None:
-        means = means + observation.added
     found[~diverged] = means[~diverged]
     return found

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameter, with_effect
-from egophys_core.diagnosis.evidence.refit import LEAST_GAIN, Fitted, cell_losses, damped_step, prior_loss
+from egophys_core.diagnosis.evidence.refit import LEAST_GAIN, Fitted, cell_losses, damped_steps, prior_loss
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.hypotheses.ranking import Probe
 from egophys_core.diagnosis.hypotheses.visited_models import VisitedModels
@@ -92,6 +92,7 @@ class _World:
         """From what [M] metres the effect adds to what models leave."""
         self.needed_gain = needed_gain
         self._visited, self._scale, self._added = visited, scale, added
+        self._unchanged = float(self._loss_of(visited.left[0]))
         self._losses, self._scores = np.zeros(0), np.zeros(0)
         self.look_at_new_models()
 
@@ -108,14 +109,14 @@ class _World:
     @property
     def gain(self) -> float:
         """What the effect would gain beside the best."""
-        return float(self._losses[self.best]) - float(self._loss_of(self._visited.left[0]))
+        return float(self._losses[self.best]) - self._unchanged
 
     def next_positions(self) -> list[np.ndarray]:
         """Where to go from the best, [D] each."""
         best = self.best
         at, left = self._visited.positions[best], self._visited.left[best] + self._added
         slopes, moved = self._visited.slopes(best), at - self._visited.positions[0]
-        return [at + damped_step([left], [slopes], self._scale, moved, damping) for damping in DAMPINGS]
+        return [at + step for step in damped_steps([left], [slopes], self._scale, moved, DAMPINGS)]
 
     def look_at_new_models(self) -> None:
         """See which of the models that were visited since fit this world better."""

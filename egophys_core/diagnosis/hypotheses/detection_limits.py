@@ -101,15 +101,11 @@ def _moved(
     names = [name for name, way in least.items() if way.share is not None or len(ways[name]) == 1]
 
     def gains(looks: Mapping[int, Look]) -> dict[int, float | None]:
-        injected = [
-            InjectedEffect(
-                probe=probes[name],
-                size=least[name].size,
-                steps=look.share * least[name].end,
-                needed_gain=needed[name],
-            )
-            for name, look in ((names[index], look) for index, look in looks.items())
-        ]
+        injected = []
+        for index, look in looks.items():
+            way, probe = least[names[index]], probes[names[index]]
+            steps = look.share * way.end
+            injected.append(InjectedEffect(probe=probe, size=way.size, steps=steps, needed_gain=look.needed))
         return dict(zip(looks, attained(injected), strict=True))
 
     first = [Look(share=1.0 if (share := least[name].share) is None else share, needed=needed[name]) for name in names]

@@ -32,7 +32,7 @@ from egophys_core.rehearsal.injection import injected_sizes
 
 RESULT = Path(__file__).parent / "results/asked.json"
 
-DRAWN = 20261128_07
+DRAWN = 20261128_08
 """Seed of the objects and motions of this table."""
 
 MOST_ASKED = 2

@@ -19,11 +19,11 @@ from egophys_core.diagnosis.diagnosis import (
 )
 from egophys_core.diagnosis.direct.measure import MeasuredEffect, measure, measured_limits
 from egophys_core.diagnosis.evidence.baseline_twin import baseline_beside, fit_baseline, follows
-from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_error, free_errors
+from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_error
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
-from egophys_core.diagnosis.evidence.predicting_twin import best_predicting, between
+from egophys_core.diagnosis.evidence.predicting_twin import predicting_pair
 from egophys_core.diagnosis.evidence.refit import Fitted
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, acceleration, observe, track_offsets
 from egophys_core.diagnosis.evidence.where import where
@@ -178,7 +178,8 @@ def _diagnose_observed(
     everywhere = [*observations, *validation, *report_on]
     # Refitted for as many steps as with the effects, from where these led as well.
     bare = (without_them or first.before).model
-    before, after, errors = _best_predicting(bare, found.fitted.model, everywhere, len(everywhere) - len(report_on))
+    given = len(everywhere) - len(report_on)
+    before, after, errors = predicting_pair(bare, found.fitted.model, everywhere, given=given)
     offsets = [track_offsets(each, [before])[0][0] for each in observations]
     error = tuple(
         episode_error(each, *pair, fitted=index < len(observations))
@@ -214,26 +215,6 @@ def _diagnose_observed(
         evidence=_evidence(everywhere, errors, observations[0], offsets[0]),
         searches=found.searches,
     )
-
-
-def _best_predicting(
-    without: ObjectModel, fitted: ObjectModel, observations: Sequence[TrackedEpisode], given: int
-) -> tuple[ObjectModel, ObjectModel, list[tuple[FreeErrors, FreeErrors]]]:
-    """The models before and after that predict the given episodes best, and their errors in all.
-
-    Args:
-        without: refitted without any effect.
-        fitted: refitted with those that were found.
-        observations: those of the given episodes first.
-        given: so many.
-    """
-    baselines, effects = between(without, fitted), fitted.effects
-    beside = [replace(each, effects=effects) for each in baselines] if effects else []
-    tried, count = [*baselines, *beside], len(baselines)
-    errors = [free_errors(each, tried) for each in observations]
-    first = best_predicting([each[:count] for each in errors[:given]])
-    last = len(beside) + best_predicting([each[-count:] for each in errors[:given]])
-    return tried[first], tried[last], [(each[first], each[last]) for each in errors]
 
 
 def fitted_and_validation(episodes: Sequence[Item]) -> tuple[Sequence[Item], Sequence[Item]]:

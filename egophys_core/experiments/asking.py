@@ -143,7 +143,7 @@ def next_motion(
     """
     content = finding.diagnosis.as_dict()
     try:
-        best, *_ = choose(
+        (best,) = choose(
             finding.twin,
             [name for name in left_open(content) if name not in without],
             limits,
@@ -152,6 +152,7 @@ def next_motion(
             done=done,
             needed_gain=Thresholds().least_gain,
             least_scale=finding.diagnosis.where.size_m,
+            most=1,
             progress=progress,
         )
     except PlanningError as error:

@@ -14,7 +14,7 @@ from egophys_core.experiments.sensitivity import limits_in
 from egophys_core.twin import Twin
 
 MOST_MOTIONS = 2
-"""Motions that are proposed together."""
+"""Motions that are proposed together, if nothing else is asked for."""
 
 WORTH_A_SECOND = 0.2
 """Of the logarithm of a limit, mean over effects, that a second motion must lower to be proposed as well."""
@@ -43,6 +43,7 @@ def choose(
     done: Collection[str] = (),
     needed_gain: float,
     least_scale: float,
+    most: int = MOST_MOTIONS,
     progress: Callable[[str, float], None] = lambda stage, share: None,
 ) -> list[Proposal]:
     """The motions to do next, the best first.
@@ -55,6 +56,7 @@ def choose(
         done: names of motions that were asked for already: `known` says what they showed, and that was not enough.
         needed_gain: in log-likelihood, to be named.
         least_scale: metres, residuals that the twin has at least.
+        most: motions to propose; what is said of each takes the time of some ten that are not chosen.
         progress: called with stage and share done.
 
     Raises:
@@ -84,7 +86,7 @@ def choose(
         raise PlanningError("the twin can be simulated in none of the motions; build it anew, or give other --effects")
     before = tuple(known)
     proposals: list[Proposal] = []
-    for _ in range(MOST_MOTIONS):
+    for _ in range(most):
         proposed = {each.motion.name for each in proposals}
         tried = [
             _proposal(motion, before, shown[motion.name], rivals)

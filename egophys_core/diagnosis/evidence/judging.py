@@ -63,6 +63,9 @@ class RefittedEffect:
     """[R] the effect's share of the gain in each episode that was not fitted and would show it, `validated`."""
     parameters: dict[str, Estimate]
     episodes_agree: bool
+    shares_left: np.ndarray | None = None
+    """[E] of the track errors of free rollouts without it, what is left with it in each episode that is given, fitted
+    or not, `shares_left`; None where that was not looked at."""
 
     @property
     def gain(self) -> float:

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_values
-from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors
+from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, free_errors
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.twin import ObjectModel
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -39,3 +40,36 @@ def best_predicting(errors: Sequence[Sequence[FreeErrors]]) -> int:
     """
     tracks = np.array([[np.nanmean(each.track) for each in of_episode] for of_episode in errors])
     return int(np.log(np.maximum(tracks, np.finfo(float).tiny)).mean(axis=0).argmin())
+
+
+def predicting_pair(
+    without: ObjectModel, fitted: ObjectModel, observations: Sequence[TrackedEpisode], *, given: int
+) -> tuple[ObjectModel, ObjectModel, list[tuple[FreeErrors, FreeErrors]]]:
+    """The models before and after that predict the given episodes best, and their errors in all.
+
+    Args:
+        without: refitted without the effects that were found.
+        fitted: refitted with them; both may carry others.
+        observations: those of the given episodes first.
+        given: so many.
+    """
+    baselines = between(without, fitted)
+    before = [replace(each, effects=without.effects) for each in baselines]
+    after = [replace(each, effects=fitted.effects) for each in baselines] if fitted.effects != without.effects else []
+    tried, count = [*before, *after], len(baselines)
+    errors = [free_errors(each, tried) for each in observations]
+    first = best_predicting([each[:count] for each in errors[:given]])
+    last = len(after) + best_predicting([each[-count:] for each in errors[:given]])
+    return tried[first], tried[last], [(each[first], each[last]) for each in errors]
+
+
+def shares_left(without: ObjectModel, fitted: ObjectModel, observations: Sequence[TrackedEpisode]) -> np.ndarray:
+    """[E] of the track errors of free rollouts in each episode, what is left by the effects that `fitted` has more.
+
+    Args:
+        without: refitted without these.
+        fitted: refitted with them.
+        observations: E episodes, which choose the baseline for both.
+    """
+    _, _, errors = predicting_pair(without, fitted, observations, given=len(observations))
+    return np.array([np.nanmean(after.track) / np.nanmean(before.track) for before, after in errors])

@@ -70,6 +70,8 @@ def select_models(
     """
     observations, scale, iterations = problem.observations, before.scale, problem.options.refit_iterations
     needed = problem.thresholds.gain_alone(fitted=len(observations), validated=bool(problem.validation))
+    if before.model.effects:
+        needed = max(needed, problem.thresholds.second_gain)
     without = linear_problem(before.residuals, before.jacobian, scale)
     fits: dict[str, Fitted] = {}
     gains: dict[str, float] = {}

@@ -8,6 +8,7 @@ from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare
 from egophys_core.diagnosis.evidence.generic_law import Law, find_law
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, judge, validated
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
+from egophys_core.diagnosis.evidence.predicting_twin import shares_left
 from egophys_core.diagnosis.evidence.refit import Fitted, median_size, refit_further, robust_loss
 from egophys_core.diagnosis.hypotheses.large_amplitude import (
     LargeAmplitudeProbe,
@@ -214,13 +215,16 @@ def _on_scale(
         rivals = [each for each in refitted if each.gain >= chosen_gain]
         rest = [each for each in refitted if each.gain < chosen_gain]
         refitted = [*validated(rivals, before, problem.validation), *rest]
+    beside_named = bool(before.model.effects)
+    if beside_named:
+        refitted = [_predicting(each, before, problem) for each in refitted]
     surrogate_shares = {each.name: ranking.share_of_surrogates(each.gain) for each in refitted}
     verdict = decide(
         refitted,
         surrogate_shares,
         law.held_out_gain if ranking.share_of_surrogates(law.held_out_gain) <= thresholds.largest_p else 0.0,
         len(problem.observations),
-        beside_named=bool(before.model.effects),
+        beside_named=beside_named,
         residual_m=median_size(before.residuals),
         free_residual_m=survey.fitted.scale if free else None,
         thresholds=thresholds,
@@ -240,3 +244,11 @@ def _on_scale(
         verdict=verdict,
         criteria=criteria,
     )
+
+
+def _predicting(candidate: RefittedEffect, before: Fitted, problem: DiagnosisProblem) -> RefittedEffect:
+    """A candidate with what it leaves of the errors of free rollouts, if it gains enough for that to matter."""
+    if candidate.gain < problem.thresholds.second_gain:
+        return candidate
+    episodes = [*problem.observations, *problem.validation]
+    return replace(candidate, shares_left=shares_left(before.model, candidate.fitted.model, episodes))

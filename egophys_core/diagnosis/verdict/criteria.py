@@ -196,6 +196,18 @@ def every_episode(candidate: RefittedEffect, setting: Setting) -> CriterionResul
     return compare(name, what, least, Direction.ABOVE, 0.0)
 
 
+def predicts(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
+    """Beside a named effect, the recordings are predicted better with it: planning has no observer to make up for it.
+
+    In a sheet with drag alone a friction that differs by place gained 88, and left 1.1 of these errors.
+    """
+    name, what = "predicts", "mean share of the track errors of free rollouts that it leaves"
+    if candidate.shares_left is None:
+        return not_asked(name, f"{what}: asked of what gains enough beside a named effect only")
+    share = float(np.exp(np.log(np.maximum(candidate.shares_left, np.finfo(float).tiny)).mean()))
+    return compare(name, what, share, Direction.BELOW, setting.thresholds.predicting_share, unit="1")
+
+
 def is_validated_in_full(candidate: RefittedEffect) -> bool:
     """Whether it gains as much in episodes that took no part in the fit as in those that did.
 
@@ -224,5 +236,6 @@ CRITERIA: tuple[Criterion, ...] = (
     left_out_episodes,
     same_size,
     every_episode,
+    predicts,
 )
 """What passes all of these may be named."""

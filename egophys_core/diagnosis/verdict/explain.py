@@ -67,6 +67,7 @@ def explain(
         named.append(found.verdict.named[0])
         reasons.append(found.verdict.reason)
         fitted, others = found.verdict.named[0].fitted, []
+        problem = replace(problem, thresholds=problem.thresholds.beside(found.verdict.named[0].gain))
     last = searches[-1].verdict
     outcome = Outcome.NAMED
     if not named:

@@ -6,6 +6,7 @@ are in log-likelihood, on data that were left out.
 """
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 from egophys_core.diagnosis.verdict.null_gains import NullGains
 
@@ -40,6 +41,12 @@ class Thresholds:
     second_gain: float = 80.0
     """Gain that an effect, or structure, needs beside a named one; a toy whose added mass was named asked for a tether
     with 79."""
+    second_share: float = 0.3
+    """Share of the gain of an effect that a search named, below which a second one may be what the first is inexact in.
+    In two sheets with drag alone a tether and a friction that differs by place gained 0.24 and 0.15 of it."""
+    predicting_share: float = 1.0
+    """Of the track errors of free rollouts, geometric mean over what was given: a second effect has to leave less; on
+    no data."""
     unvalidated_gain: float = 132.0
     """Gain that an effect needs without a validation episode that would show it: 1 in 40 sets that lack nothing gains
     as much (`null_gains.py`); 172 where motions were asked for. With 90 a force was named with 108 in a sheet that
@@ -97,6 +104,10 @@ class Thresholds:
         if validated:
             return self.least_gain
         return self.in_turn_gain if fitted >= self.episodes_in_turn else self.unvalidated_gain
+
+    def beside(self, gain: float) -> Self:
+        """Those beside an effect that a search named and that gains so much."""
+        return replace(self, second_gain=max(self.second_gain, self.second_share * gain))
 
 
 def thresholds_for(noise: float, acceleration: float, null: NullGains) -> Thresholds:

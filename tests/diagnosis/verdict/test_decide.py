@@ -192,6 +192,33 @@ def test_a_second_effect_needs_more():
     assert verdict.outcome == Outcome.NONE
 
 
+def test_beside_an_effect_that_gains_much_a_second_one_needs_a_share_of_that():
+    beside = replace(THRESHOLDS, second_share=0.3).beside(1000.0)
+    assert (beside.second_gain, replace(THRESHOLDS, second_share=0.3).beside(10.0).second_gain) == (300.0, 80.0)
+    verdicts = [
+        verdict_module.decide([judged("control_delay", gain)], P, 0.0, 2, beside_named=True, thresholds=beside)
+        for gain in (240.0, 360.0)
+    ]
+    assert [each.outcome for each in verdicts] == [Outcome.NONE, Outcome.NAMED]
+
+
+@pytest.mark.parametrize(
+    ("shares", "outcome"),
+    [
+        ([0.6, 1.2], Outcome.NAMED),
+        ([0.8, 1.0, 0.9, 2.2], Outcome.UNEXPLAINED),
+        ([np.nan, 0.5], Outcome.UNEXPLAINED),
+        ([0.0, 1.0], Outcome.NAMED),
+    ],
+    ids=["better in the mean", "worse in the mean", "both diverge", "diverges without it"],
+)
+def test_with_a_second_effect_free_rollouts_must_be_better(shares, outcome):
+    second = judged("control_delay", CLEAR, shares_left=np.array(shares))
+    verdict = decide([second], P, 0.0, 2, beside_named=True)
+    assert verdict.outcome == outcome
+    assert (failed(verdict, "control_delay") == ["predicts"]) == (outcome == Outcome.UNEXPLAINED)
+
+
 @pytest.mark.parametrize(
     ("second", "outcome"), [(False, Outcome.NAMED), (True, Outcome.UNEXPLAINED)], ids=["alone", "beside another"]
 )

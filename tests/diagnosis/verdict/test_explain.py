@@ -6,7 +6,10 @@ from typing import Any
 import pytest
 
 from egophys_core.diagnosis.diagnosis import Outcome
+from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.problem import DiagnosisProblem
 from egophys_core.diagnosis.verdict import explain
+from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from tests.diagnosis.findings import make_decision
 
 DELAY = SimpleNamespace(name="control_delay", shows=True, reason="control_delay is measured")
@@ -14,7 +17,7 @@ ABSENT = SimpleNamespace(name="tracking_scale", shows=False, reason="tracking_sc
 
 
 def judged(name: str) -> SimpleNamespace:
-    return SimpleNamespace(name=name, fitted=f"with {name}")
+    return SimpleNamespace(name=name, fitted=f"with {name}", gain=1000.0)
 
 
 def verdict(outcome: Outcome, *names: str) -> SimpleNamespace:
@@ -57,18 +60,23 @@ def test_the_outcome_is_of_all_that_was_found(
     names: list[str],
     fitted: str,
 ):
-    asked = []
+    asked, needed = [], []
 
     def search(problem: Any, before: Any, without: set[str], progress: Any, *, others: list[Any]) -> SimpleNamespace:
         asked.append(without)
+        needed.append(problem.thresholds.second_gain)
         progress("search", 1.0)
         return SimpleNamespace(verdict=verdicts[len(asked) - 1], before="relieved")
 
     monkeypatch.setattr(explain, "search", search)
     shares: list[float] = []
     baseline: Any = SimpleNamespace(fitted="baseline", others=["another"])
+    thresholds = Thresholds(second_gain=80.0, second_share=0.25)
+    problem = DiagnosisProblem(
+        observations=[], validation=[], options=DiagnosisOptions(), seed=0, thresholds=thresholds
+    )
     found = explain.explain(
-        SimpleNamespace(),  # type: ignore[arg-type]
+        problem,
         baseline,
         measured,
         {"grasp_slip"},
@@ -78,6 +86,7 @@ def test_the_outcome_is_of_all_that_was_found(
     assert [each.name for each in found.named] == names
     assert found.fitted == fitted
     assert len(asked) == len(verdicts)
+    assert needed == [80.0, 250.0][: len(verdicts)]
     assert shares == sorted(shares)
     assert asked[0] == {"grasp_slip", *(each.name for each in measured)}
     for each in (*(one for one in measured if one.shows), *(one for one in verdicts if one.outcome == Outcome.NAMED)):

@@ -54,6 +54,15 @@ def smallest_rotation(source: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.asarray(Rotation.from_rotvec(axis / sine * np.arctan2(sine, cosine)).as_matrix())
 
 
+def about_vertical(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Vectors [..., 3] turned about z by angles [...], radians; by none they stay what they are, to the last bit."""
+    cosines, sines = np.cos(angles), np.sin(angles)
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    turned = np.empty((*np.broadcast_shapes(np.shape(x), np.shape(angles)), 3))
+    turned[..., 0], turned[..., 1], turned[..., 2] = cosines * x - sines * y, sines * x + cosines * y, z
+    return turned
+
+
 def rigid_fit(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotation [3, 3] and shift [3] that bring points [P, 3] nearest to others (Kabsch, Acta Cryst. A32 (1976) 922).
 

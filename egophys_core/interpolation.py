@@ -13,7 +13,7 @@ def values_at(times: ArrayLike, record: ArrayLike, at: ArrayLike) -> np.ndarray:
     """A record [T, ...] at other times [F], seconds, as [F, ...]; before and after it its first and last sample."""
     values = np.asarray(record)
     found = [np.interp(np.asarray(at), np.asarray(times), column) for column in values.reshape(len(values), -1).T]
-    return np.stack(found, axis=-1).reshape(*np.shape(at), *values.shape[1:])
+    return np.stack(found, axis=-1).reshape((*np.shape(at), *values.shape[1:]))
 
 
 def tracks_at(times: np.ndarray, tracks: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from egophys_core.geometry import farthest_first, farthest_points, nearest_rotation
+from egophys_core.geometry import about_vertical, farthest_first, farthest_points, nearest_rotation
 
 
 def test_farthest_points_of_a_square_are_its_corners():
@@ -47,3 +47,12 @@ def test_no_rotation_is_nearer_to_a_matrix():
     turns = Rotation.random(200, random_state=1).as_matrix()
     others = np.linalg.norm(turns - matrices[:, None], axis=(2, 3)).min(axis=1)
     assert (np.linalg.norm(found - matrices, axis=(1, 2)) <= others).all()
+
+
+def test_vectors_turn_about_the_vertical_and_by_nothing_not_at_all():
+    vectors = np.random.default_rng(0).normal(size=(7, 3))
+    turned = about_vertical(vectors, np.array([[0.4], [-2.0]]))
+    assert turned.shape == (2, 7, 3)
+    for row, angle in enumerate((0.4, -2.0)):
+        np.testing.assert_allclose(turned[row], Rotation.from_rotvec([0.0, 0.0, angle]).apply(vectors), atol=1e-12)
+    np.testing.assert_array_equal(about_vertical(vectors, np.zeros(7)), vectors)

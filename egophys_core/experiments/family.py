@@ -35,6 +35,9 @@ GENTLE = 0.6
 SLOW_M_S = 0.04
 """At which it is dragged slowly."""
 
+TURNED_RAD = 0.8
+"""To either side, by which a wrist turns: two of them in the time that there is."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class HandLimits:
@@ -43,17 +46,24 @@ class HandLimits:
     hands: int
     """1 or 2."""
     fastest_m_s: float
+    fastest_turn_rad_s: float
+    """Of a wrist."""
     highest_m: float
     """Of a hand above the table."""
 
 
-PERSON = HandLimits(hands=2, fastest_m_s=1.2, highest_m=0.6)
+PERSON = HandLimits(hands=2, fastest_m_s=1.2, fastest_turn_rad_s=3.0, highest_m=0.6)
 """A person at a table."""
 
 
 def arm_hands(limits: MotionLimits) -> HandLimits:
     """What an arm can do within its limits."""
-    return HandLimits(hands=1, fastest_m_s=limits.max_speed_m_s, highest_m=limits.workspace_max_m[2])
+    return HandLimits(
+        hands=1,
+        fastest_m_s=limits.max_speed_m_s,
+        fastest_turn_rad_s=limits.max_angular_speed_rad_s,
+        highest_m=limits.workspace_max_m[2],
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,6 +253,28 @@ def hang_still(top: TableTop) -> Iterator[HandMotion]:
     yield _motion(top, "hang still", f"{_lift(up)}let it hang still for 5 s", write)
 
 
+def turn_wrist(top: TableTop) -> Iterator[HandMotion]:
+    """Hang still, turn the wrist to and fro about the vertical, hang still."""
+    if len(top.places) > 1:
+        return
+    fastest, up = top.limits.fastest_m_s, top.hanging
+
+    def write(hand: PathWriter, _: float) -> None:
+        hand.move(up, peak_speed=GENTLE * fastest)
+        hand.wait(1.0)
+        for angle in (TURNED_RAD, -TURNED_RAD):
+            hand.turn(angle, peak_rate=top.limits.fastest_turn_rad_s)
+            hand.wait(0.5)
+
+    yield _motion(
+        top,
+        "turn the wrist",
+        f"{_lift(up)}let it hang still for 1 s, turn it about the vertical by {np.degrees(TURNED_RAD):.0f} degrees to "
+        "the left, then by as much to the right of how you took hold of it",
+        write,
+    )
+
+
 def drag(top: TableTop) -> Iterator[HandMotion]:
     """Drag over the table and back, slowly and as fast as is allowed."""
     lift = np.array([0.0, 0.0, 0.012 if top.lies_flat else 0.0])
@@ -324,6 +356,7 @@ def press_and_wait(top: TableTop) -> Iterator[HandMotion]:
 FAMILY: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (
     hang_and_swing,
     hang_still,
+    turn_wrist,
     drag,
     drop,
     stretch_and_wait,
@@ -331,5 +364,5 @@ FAMILY: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (
 )
 """What can be done with what lies on a table; add a motion here."""
 
-HANGING: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (hang_and_swing, hang_still, swing_along)
+HANGING: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (hang_and_swing, hang_still, turn_wrist, swing_along)
 """What can be done with what hangs in a hand."""

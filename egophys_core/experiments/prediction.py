@@ -5,7 +5,7 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.errors import PlanningError
 from egophys_core.experiments.family import HandMotion
-from egophys_core.geometry import farthest_points
+from egophys_core.geometry import about_vertical, farthest_points
 from egophys_core.interpolation import values_at
 from egophys_core.simulation import ContactKind, Controls, batch_of_models, rollout
 from egophys_core.twin import ObjectModel
@@ -23,7 +23,11 @@ def predicted_episode(model: ObjectModel, motion: HandMotion, *, ground_height: 
         PlanningError: the twin cannot be simulated in it.
     """
     times = np.arange(1 + int(motion.duration * RATE_HZ)) / RATE_HZ
-    hands = [values_at(each.times, each.positions, times)[:, None] + motion.hand_points for each in motion.paths]
+    hands = [
+        values_at(each.times, each.positions, times)[:, None]
+        + about_vertical(motion.hand_points, values_at(each.times, each.turns, times)[:, None])
+        for each in motion.paths
+    ]
     holds = [
         each.holds[np.clip(np.searchsorted(each.times, times, side="right") - 1, 0, len(each.times) - 1)]
         for each in motion.paths

@@ -1,6 +1,7 @@
 """A soft body on a table, with whatever effects are injected, and hands that the caller moves."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -9,7 +10,7 @@ from egophys_core.constants import GRAVITY
 from egophys_core.rehearsal.bodies import SoftBody
 from egophys_core.rehearsal.engine import AIR_DAMPING, SETTLING_DAMPING, FlexEngine
 from egophys_core.rehearsal.grip import Grip
-from egophys_core.rehearsal.hands import HandsAt
+from egophys_core.rehearsal.hands import Hands, HandsAt
 from egophys_core.rehearsal.injected_forces import FRICTIONS, MATERIAL, injected_terms
 from egophys_core.rehearsal.injection import Effects, complete_effects
 from egophys_core.rehearsal.state import StepState
@@ -51,7 +52,7 @@ class HandledBody:
         self._step_s = FINE_STEP if self.effects.keys() & MATERIAL else STEP
         self._engine = FlexEngine(body, step=self._step_s, pressing=pressing, folding=folding)
         self._grip: Grip | None = None
-        self._last_hands: np.ndarray | None = None
+        self._last_centres: np.ndarray | None = None
         self._engine.set_gravity(gravity_with(self.effects))
         if "uneven_mass" in self.effects:
             self._engine.set_masses(with_added_mass(body.vertices, self._engine.masses, self.effects["uneven_mass"]))
@@ -80,10 +81,15 @@ class HandledBody:
         delay = self.delay
         beside = self.effects.get("gripper_offset", {"x": 0.0, "y": 0.0, "z": 0.0})
         offset = np.array([beside["x"], beside["y"], beside["z"]])
-        return lambda time: recorded(time - delay) + offset
 
-    def close_grip(self, hands: np.ndarray) -> None:
-        """Hold from now on what is near the hands, truly at `hands` [H, 3] metres."""
+        def truly(time: float) -> Hands:
+            hands = recorded(time - delay)
+            return replace(hands, centres=hands.centres + offset)
+
+        return truly
+
+    def close_grip(self, hands: Hands) -> None:
+        """Hold from now on what is near the hands, where they truly are."""
         self._grip = Grip(self._engine.positions, hands)
 
     def open_grip(self) -> None:
@@ -103,7 +109,7 @@ class HandledBody:
             self._steps += 1
             self.time = self._steps * self._step_s
 
-    def _advance_once(self, hands: np.ndarray) -> None:
+    def _advance_once(self, hands: Hands) -> None:
         engine = self._engine
         state = StepState(
             time=self.time,
@@ -127,9 +133,9 @@ class HandledBody:
                 slip=self._slip(),
             )
         if self._pressing:
-            before = hands if self._last_hands is None else self._last_hands
-            engine.place_balls(hands, (hands - before) / self._step_s)
-            self._last_hands = hands
+            before = hands.centres if self._last_centres is None else self._last_centres
+            engine.place_balls(hands.centres, (hands.centres - before) / self._step_s)
+            self._last_centres = hands.centres
         engine.step()
 
     def _slip(self) -> np.ndarray | None:
@@ -141,12 +147,13 @@ class HandledBody:
 
     def _settle(self) -> None:
         """Come to rest, time running up to zero."""
-        nowhere = np.full((max(self._pressing, 1), 3), 10.0)
+        count = max(self._pressing, 1)
+        nowhere = Hands(centres=np.full((count, 3), 10.0), turns=np.zeros(count))
         self._engine.set_damping(SETTLING_DAMPING)
         self._steps = -round(SETTLING / self._step_s)
         self.time = self._steps * self._step_s
         self.advance(lambda _: nowhere, 0.0)
-        self._last_hands = None
+        self._last_centres = None
         self._engine.set_damping(AIR_DAMPING)
         self._engine.stop()
 

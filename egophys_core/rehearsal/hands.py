@@ -4,8 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import PlanningError
+from egophys_core.geometry import about_vertical
 from egophys_core.minimum_jerk import minimum_jerk
 from egophys_core.rehearsal.bodies import SoftBody
 from egophys_core.rehearsal.engine import HAND_RADIUS
@@ -21,8 +23,23 @@ HAND_POINTS = 30
 AWAY = np.array([0.33, -0.19, 0.28])
 """From where a hand comes, metres from where it takes hold."""
 
-HandsAt = Callable[[float], np.ndarray]
-"""Centres of the hands [H, 3], metres, at a time in seconds; before zero they are where they are at zero."""
+
+@dataclass(frozen=True, kw_only=True)
+class Hands:
+    """Where hands are, and how they are turned."""
+
+    centres: np.ndarray
+    """[H, 3] metres."""
+    turns: np.ndarray
+    """[H] radians about the vertical, from how they are when an episode begins."""
+
+    def points(self, cloud: np.ndarray) -> np.ndarray:
+        """[C, 3] metres: points [H, C / H, 3] of them about their centres, as these are when an episode begins."""
+        return (self.centres[:, None] + about_vertical(cloud, self.turns[:, None])).reshape(-1, 3)
+
+
+HandsAt = Callable[[float], Hands]
+"""The hands at a time in seconds; before zero they are where they are at zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +50,8 @@ class Script:
     """[W] seconds, increasing."""
     centres: np.ndarray
     """[W, H, 3] metres, where the hands are at those times."""
+    turns: np.ndarray
+    """[W, H] radians, how they are turned."""
     closes: float
     """Seconds at which the hands take hold of what they reach; infinite for hands that press."""
     opens: float = np.inf
@@ -40,16 +59,19 @@ class Script:
     smooth: bool = True
     """Whether they stop at each of those places, or go through."""
 
-    def at(self, time: float) -> np.ndarray:
-        """Centres of the hands [H, 3]: along straight lines, between stops with a smooth speed."""
+    def at(self, time: float) -> Hands:
+        """The hands: along straight lines, between stops with a smooth speed."""
         after = int(np.searchsorted(self.times, time, side="right"))
         if after in (0, len(self.times)):
-            return self.centres[max(after - 1, 0)]
+            return Hands(centres=self.centres[max(after - 1, 0)], turns=self.turns[max(after - 1, 0)])
         begin, end = self.times[after - 1 : after + 1]
         share = (time - begin) / (end - begin)
         if self.smooth:
             share = minimum_jerk(share)
-        return self.centres[after - 1] + share * (self.centres[after] - self.centres[after - 1])
+        centres, turns = (
+            values[after - 1] + share * (values[after] - values[after - 1]) for values in (self.centres, self.turns)
+        )
+        return Hands(centres=centres, turns=turns)
 
 
 def write_script(motion: Motion, body: SoftBody, vertices: np.ndarray, random: np.random.Generator) -> Script:
@@ -61,13 +83,19 @@ def write_script(motion: Motion, body: SoftBody, vertices: np.ndarray, random: n
         time += duration * random.uniform(0.9, 1.1)
         moves.append((time, np.asarray(offset, float)))
     times, offsets = (np.array(each) for each in zip(*moves, strict=True))
+    centres = places + offsets[:, None]
     return Script(
-        times=times, centres=places + offsets[:, None], closes=np.inf if motion is Motion.PUSH else CONTACT_BEGINS
+        times=times,
+        centres=centres,
+        turns=np.zeros(centres.shape[:2]),
+        closes=np.inf if motion is Motion.PUSH else CONTACT_BEGINS,
     )
 
 
 def script_of_plans(plans: Sequence[WaypointPlan]) -> Script:
     """The hands as plans have them, one a hand, in the world in which the object was when its twin was built.
+
+    Hands here turn about the vertical only: what a plan tilts its tool by is left out.
 
     Raises:
         PlanningError: the plans do not have the same times, or their grippers do not close together, once, and open
@@ -87,11 +115,21 @@ def script_of_plans(plans: Sequence[WaypointPlan]) -> Script:
         )
     closes, opens = [*first.times[changes], np.inf][:2]
     centres = np.stack([plan.positions for plan in plans], axis=1)
-    return Script(times=first.times, centres=centres, closes=float(closes), opens=float(opens), smooth=False)
+    turns = np.stack([_turns(plan) for plan in plans], axis=1)
+    return Script(
+        times=first.times, centres=centres, turns=turns, closes=float(closes), opens=float(opens), smooth=False
+    )
 
 
 def _closed(plan: WaypointPlan) -> np.ndarray:
     return np.asarray(plan.gripper_opening < CLOSED_BELOW)
+
+
+def _turns(plan: WaypointPlan) -> np.ndarray:
+    """[W] radians by which a plan turns its tool about the vertical since its start."""
+    rotations = Rotation.from_quat(plan.quaternions)
+    _, _, about_z, real = (rotations * rotations[0].inv()).as_quat().T
+    return np.unwrap(2.0 * np.arctan2(about_z, real))
 
 
 def hand_cloud(hands: int, random: np.random.Generator) -> np.ndarray:

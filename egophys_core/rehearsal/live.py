@@ -8,6 +8,7 @@ from egophys_core.errors import SimulationError
 from egophys_core.interpolation import values_at
 from egophys_core.rehearsal.bodies import make_body
 from egophys_core.rehearsal.handled_body import HandledBody
+from egophys_core.rehearsal.hands import Hands
 from egophys_core.rehearsal.injection import complete_effects
 from egophys_core.rehearsal.observation import observe
 from egophys_core.rehearsal.options import RehearsalOptions
@@ -44,6 +45,8 @@ class RehearsalWorld:
         self._body = HandledBody(make_body(options, object_seed), complete_effects(effects))
         self._times: list[float] = []
         self._centres: list[np.ndarray] = []
+        self._turns: list[float] = []
+        self._first_points = np.zeros((0, 3))
         self._closed = False
         self.time = 0.0
         """Seconds since the start."""
@@ -57,7 +60,8 @@ class RehearsalWorld:
         """Move the tool to where it is `duration` later, along a straight line.
 
         Args:
-            tool_points: [C, 3] metres; the gripper is in their middle.
+            tool_points: [C, 3] metres, the same ones each time; the gripper is in their middle, and turns as they do
+                about the vertical.
             duration: seconds, above zero.
             closed: whether the gripper is closed from the start of the step on; closing holds what is in reach.
 
@@ -65,7 +69,7 @@ class RehearsalWorld:
             [N, 3] float32 metres, the object's points as observed at the end; NaN where not seen.
 
         Raises:
-            SimulationError: the body diverged, or the tool's points are no finite [C, 3].
+            SimulationError: the body diverged, or the tool's points are no finite [C, 3], or not as many as before.
         """
         tool_points = np.asarray(tool_points, float)
         if tool_points.ndim != 2 or tool_points.shape[1] != 3 or not np.isfinite(tool_points).all() or duration <= 0.0:
@@ -74,8 +78,13 @@ class RehearsalWorld:
                 f"got {tool_points.shape} and {duration}"
             )
         if not self._times:
-            self._record(self.time, tool_points.mean(axis=0))
-        hands_at = self._body.true_hands(self._centre_at)
+            self._first_points = tool_points
+            self._record(self.time, tool_points)
+        if tool_points.shape != self._first_points.shape:
+            raise SimulationError(
+                f"the tool had {len(self._first_points)} points before, and has {len(tool_points)} now"
+            )
+        hands_at = self._body.true_hands(self._hands_at)
         if closed != self._closed:
             if closed:
                 self._body.close_grip(hands_at(self.time))
@@ -83,16 +92,25 @@ class RehearsalWorld:
                 self._body.open_grip()
             self._closed = closed
         self.time += duration
-        self._record(self.time, tool_points.mean(axis=0))
+        self._record(self.time, tool_points)
         self._body.advance(hands_at, self.time)
         return observe(self._body.points, tool_points, self._options, self._body.effects, self._random)
 
-    def _record(self, time: float, centre: np.ndarray) -> None:
+    def _record(self, time: float, tool_points: np.ndarray) -> None:
+        turn = turn_about_vertical(self._first_points, tool_points)
         self._times.append(time)
-        self._centres.append(centre)
+        self._centres.append(tool_points.mean(axis=0))
+        self._turns.append(float(np.unwrap([*self._turns[-1:], turn])[-1]))
         while self._times[1:] and self._times[1] < time - LONGEST_DELAY:
-            del self._times[0], self._centres[0]
+            del self._times[0], self._centres[0], self._turns[0]
 
-    def _centre_at(self, time: float) -> np.ndarray:
-        """[1, 3] metres, the recorded tool at a time."""
-        return values_at(self._times, self._centres, time)[None]
+    def _hands_at(self, time: float) -> Hands:
+        """The recorded tool at a time."""
+        centre, turn = (values_at(self._times, record, time)[None] for record in (self._centres, self._turns))
+        return Hands(centres=centre, turns=turn)
+
+
+def turn_about_vertical(before: np.ndarray, after: np.ndarray) -> float:
+    """Radians about z by which points [C, 3] turned; 0 where they lie above each other."""
+    (x, y, _), (to_x, to_y, _) = ((points - points.mean(axis=0)).T for points in (before, after))
+    return float(np.arctan2(np.sum(x * to_y - y * to_x), np.sum(x * to_x + y * to_y)))

@@ -130,7 +130,7 @@ def _recorded(
     true_hands = handled.true_hands(script.at)
     closes, opens = script.closes + handled.delay, script.opens + handled.delay
     times = np.arange(max(2, round(options.duration_s * options.rate_hz))) / options.rate_hz
-    hands = np.stack([(script.at(time)[:, None] + cloud).reshape(-1, 3) for time in times])
+    hands = np.stack([script.at(time).points(cloud) for time in times])
     points = np.empty((len(times), len(handled.body.tracked_triangles), 3), np.float32)
     for frame, time in enumerate(times):
         for change, act in ((closes, lambda: handled.close_grip(true_hands(closes))), (opens, handled.open_grip)):

@@ -8,7 +8,7 @@ import pytest
 
 from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.errors import PlanningError
-from egophys_core.experiments import PERSON, HandLimits, choice, choose, motions_for, sensitivity
+from egophys_core.experiments import PERSON, choice, choose, motions_for, sensitivity
 from egophys_core.experiments.choice import together
 from egophys_core.experiments.prediction import predicted_episode
 from egophys_core.experiments.sensitivity import limits_in
@@ -128,7 +128,7 @@ def test_what_hangs_in_a_hand_is_swung_by_it_and_never_near_a_table():
 
 def test_a_swing_shows_drag_at_a_smaller_size_than_a_slow_drag_over_the_table():
     model, found = sheet(), {}
-    for motion in motions_for(twin_of(model), HandLimits(hands=2, fastest_m_s=1.2, highest_m=0.6)):
+    for motion in motions_for(twin_of(model), PERSON):
         if motion.name in ("hang and swing at 1.5 Hz, two hands", "drag slowly, two hands"):
             episode = predicted_episode(model, motion, ground_height=0.0)
             limit, *_ = limits_in(model, episode, ["quadratic_drag"], needed_gain=50.0, least_scale=1e-3)

@@ -16,7 +16,7 @@ from tests.experiments.twins import twin_of
 
 NOWHERE = np.zeros((0, 3))
 
-ARM = HandLimits(hands=1, fastest_m_s=0.25, highest_m=0.45)
+ARM = HandLimits(hands=1, fastest_m_s=0.25, fastest_turn_rad_s=1.0, highest_m=0.45)
 
 
 @pytest.mark.parametrize("body", [sheet, solid])
@@ -31,6 +31,9 @@ def test_no_hand_is_faster_or_higher_than_allowed_nor_below_the_table(body, limi
             np.testing.assert_array_equal(path.times, motion.paths[0].times)
             speed = np.linalg.norm(np.diff(path.positions, axis=0), axis=1) / np.diff(path.times)
             assert speed.max() <= 1.001 * limits.fastest_m_s, motion.name
+            rate = np.abs(np.diff(path.turns)) / np.diff(path.times)
+            assert rate.max() <= 1.001 * limits.fastest_turn_rad_s
+            assert (np.ptp(path.turns) > 1.5) == ("turn the wrist" in motion.name)
             assert path.positions[:, 2].max() <= limits.highest_m + 0.1
             assert path.positions[:, 2].min() >= 0.0
             assert path.holds.any()

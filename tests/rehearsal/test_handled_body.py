@@ -8,6 +8,7 @@ from egophys_core.rehearsal import RehearsalObject, RehearsalOptions
 from egophys_core.rehearsal.bodies import make_body
 from egophys_core.rehearsal.engine import FlexEngine
 from egophys_core.rehearsal.handled_body import HandledBody
+from egophys_core.rehearsal.hands import Hands
 
 SHEET = RehearsalOptions(points=30, spread=0.0)
 ELLIPSOID = RehearsalOptions(object=RehearsalObject.ELLIPSOID, points=30, spread=0.0)
@@ -20,14 +21,19 @@ def rise(time: float) -> np.ndarray:
     return LIFT * share**2 * (3.0 - 2.0 * share)
 
 
+def at(centres: np.ndarray, turn: float = 0.0) -> Hands:
+    """Hands that are turned alike."""
+    return Hands(centres=np.asarray(centres), turns=np.full(len(centres), turn))
+
+
 def lifted(options, effects, *, until=0.5):
     """Where the tracked points are after a corner or the top was lifted: before, and at the end."""
     handled = HandledBody(make_body(options, 0), effects)
     before = handled.points
     high = handled.vertices[:, 2].max()
     grasp = np.array([[0.13, -0.095, high] if options is SHEET else [0.0, 0.0, high - 0.005]])
-    handled.close_grip(handled.true_hands(lambda _: grasp)(0.0))
-    handled.advance(handled.true_hands(lambda time: grasp + rise(time)), until)
+    handled.close_grip(handled.true_hands(lambda _: at(grasp))(0.0))
+    handled.advance(handled.true_hands(lambda time: at(grasp + rise(time))), until)
     return before, handled.points
 
 
@@ -45,7 +51,7 @@ def ellipsoid():
 def test_a_body_left_alone_rests_on_the_table(options):
     handled = HandledBody(make_body(options, 0), {})
     before = handled.points
-    handled.advance(lambda _: np.zeros((1, 3)), 0.3)
+    handled.advance(lambda _: at(np.zeros((1, 3))), 0.3)
     np.testing.assert_allclose(handled.points, before, atol=5e-4)
     assert handled.vertices[:, 2].min() > 0.001
 
@@ -64,22 +70,34 @@ def test_what_is_held_follows_the_hand(ellipsoid):
     np.testing.assert_allclose((after - before).mean(axis=0), LIFT, atol=0.02)
 
 
+def test_what_is_held_turns_with_the_hand():
+    """Held near its middle and turned by a right angle, a lifted toy lies across where it lay."""
+    handled = HandledBody(make_body(ELLIPSOID, 0), {})
+    grasp = np.array([[0.0, 0.0, handled.vertices[:, 2].max() - 0.01]])
+    handled.close_grip(at(grasp, 0.3))
+    before = handled.points
+    handled.advance(lambda time: at(grasp + rise(time), 0.3 + np.pi / 2.0 * np.clip((time - 0.3) / 0.5, 0.0, 1.0)), 1.2)
+    along, across = (points[:, :2] - points[:, :2].mean(axis=0) for points in (before, handled.points))
+    turned = along @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    assert np.linalg.norm(across - turned, axis=1).mean() < 0.35 * np.linalg.norm(across - along, axis=1).mean()
+
+
 def test_what_is_let_go_falls():
     handled = HandledBody(make_body(ELLIPSOID, 0), {})
     grasp = np.array([[0.0, 0.0, handled.vertices[:, 2].max()]])
-    handled.close_grip(grasp)
-    handled.advance(lambda time: grasp + rise(time), 0.4)
+    handled.close_grip(at(grasp))
+    handled.advance(lambda time: at(grasp + rise(time)), 0.4)
     high = handled.points[:, 2].mean()
     handled.open_grip()
-    handled.advance(lambda time: grasp + rise(time), 0.7)
+    handled.advance(lambda time: at(grasp + rise(time)), 0.7)
     assert handled.points[:, 2].mean() < high - 0.05
 
 
 def test_a_hand_far_away_holds_nothing():
     handled = HandledBody(make_body(SHEET, 0), {})
     before = handled.points
-    handled.close_grip(np.array([[0.0, 0.0, 0.3]]))
-    handled.advance(lambda time: np.array([[0.0, 0.0, 0.3 + time]]), 0.2)
+    handled.close_grip(at(np.array([[0.0, 0.0, 0.3]])))
+    handled.advance(lambda time: at(np.array([[0.0, 0.0, 0.3 + time]])), 0.2)
     np.testing.assert_allclose(handled.points, before, atol=5e-4)
 
 
@@ -88,10 +106,10 @@ def test_a_ball_pushes_a_solid_but_does_not_hold_it():
     handled = HandledBody(body, {}, pressing=1)
     before = handled.points
     start = np.array([[body.vertices[:, 0].max() + 0.032, 0.0, 0.04]])
-    handled.advance(lambda time: start - [0.1 * min(time, 0.6), 0.0, 0.0], 0.6)
+    handled.advance(lambda time: at(start - [0.1 * min(time, 0.6), 0.0, 0.0]), 0.6)
     moved = (handled.points - before)[:, 0]
     assert -0.07 < moved.mean() < -0.02
-    handled.advance(lambda time: start - [0.06, 0.0, 0.0] + [0.2 * (time - 0.6), 0.0, 0.0], 0.9)
+    handled.advance(lambda time: at(start - [0.06 - 0.2 * (time - 0.6), 0.0, 0.0]), 0.9)
     assert (handled.points - before)[:, 0].mean() < -0.02
 
 
@@ -100,11 +118,11 @@ def test_layers_of_a_folding_sheet_do_not_pass_each_other():
     def height(folding):
         handled = HandledBody(make_body(SHEET, 0), {}, folding=folding)
         grasp = np.array([[-0.13, y, 0.005] for y in (-0.095, 0.0, 0.095)])
-        handled.close_grip(grasp)
+        handled.close_grip(at(grasp))
 
         def over(time):
             turn = np.pi * min(time / 0.6, 1.0)
-            return grasp + [0.11 * (1.0 - np.cos(turn)), 0.0, 0.1 * np.sin(turn)]
+            return at(grasp + [0.11 * (1.0 - np.cos(turn)), 0.0, 0.1 * np.sin(turn)])
 
         handled.advance(over, 0.75)
         return np.quantile(handled.vertices[:, 2], 0.6)
@@ -182,7 +200,7 @@ def test_friction_holds_up_to_its_angle(tilt, effects, slides):
     """Friction of 0.5 holds up to atan 0.5 = 0.46 rad; injected friction changes that angle."""
     handled = HandledBody(make_body(SHEET, 0), {"gravity_tilt": {"about_x": tilt, "about_y": 0.0}, **effects})
     before = handled.points[:, 1].mean()
-    handled.advance(lambda _: np.zeros((1, 3)), 0.3)
+    handled.advance(lambda _: at(np.zeros((1, 3))), 0.3)
     moved = handled.points[:, 1].mean() - before
     assert moved > 0.01 if slides else abs(moved) < 1e-3
 

@@ -2,13 +2,23 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import EgophysError, OptionsError
-from egophys_core.rehearsal import Motion, RehearsalObject, RehearsalOptions, RehearsalWorld, rehearse
+from egophys_core.experiments.hand_path import PathWriter, plan_of_path
+from egophys_core.interpolation import values_at
+from egophys_core.rehearsal import (
+    Motion,
+    RehearsalObject,
+    RehearsalOptions,
+    RehearsalWorld,
+    rehearse,
+    rehearse_plans,
+)
 from egophys_core.rehearsal.bodies import make_body
 from egophys_core.rehearsal.hands import CONTACT_BEGINS, write_script
 
@@ -68,7 +78,7 @@ def test_what_is_behind_the_object_is_not_seen():
 def test_hands_of_every_motion_arrive_in_time_and_stay_in_reach_of_an_arm(kind, motion):
     body = make_body(RehearsalOptions(object=kind, points=3), 0)
     script = write_script(motion, body, body.vertices, np.random.default_rng(0))
-    path = np.stack([script.at(time) for time in np.arange(0.0, 8.0, 1 / 30)])
+    path = np.stack([script.at(time).centres for time in np.arange(0.0, 8.0, 1 / 30)])
     assert script.centres.shape[1] == (2 if "double" in motion or (motion, kind) == ("fold", "sheet") else 1)
     speed = 30.0 * np.linalg.norm(np.diff(path, axis=0), axis=2)
     assert speed[round(30 * CONTACT_BEGINS) - 1] == pytest.approx(0.0)
@@ -83,7 +93,7 @@ def test_grips_reach_the_object_in_every_motion_that_holds():
         body = make_body(RehearsalOptions(object=kind, points=3), 0)
         for motion in Motion:
             script = write_script(motion, body, body.vertices, np.random.default_rng(0))
-            gaps = np.linalg.norm(script.at(CONTACT_BEGINS)[:, None] - body.vertices, axis=2).min(axis=1)
+            gaps = np.linalg.norm(script.at(CONTACT_BEGINS).centres[:, None] - body.vertices, axis=2).min(axis=1)
             assert (gaps < 0.025).all() if np.isfinite(script.closes) else (gaps > 0.025).all()
 
 
@@ -156,6 +166,31 @@ def test_a_tool_lifts_the_object_step_by_step():
     assert world.points[:, 2].max() < 0.05
 
 
+def test_a_tool_that_turns_turns_the_object_and_its_points_as_a_plan_does():
+    corner = RehearsalWorld(CLEAR, seed=0, effects={}).points.max(axis=0) - [0.012, 0.012, 0.0]
+    writer = PathWriter(corner)
+    writer.move([0.0, 0.0, 0.15], peak_speed=0.4)
+    writer.turn(1.5, peak_rate=3.0)
+    writer.wait(0.5)
+    path = writer.path()
+    episode = rehearse_plans(CLEAR, [plan_of_path(path, "")], name="turned", seed=0)
+    cloud = 0.02 * np.vstack([np.eye(3), -np.eye(3)])
+    world = RehearsalWorld(CLEAR, seed=0, effects={})
+    for time in episode.times[1:]:
+        at, turn = (values_at(path.times, record, time) for record in (path.positions, path.turns))
+        closed = bool(path.holds[np.searchsorted(path.times, time, side="right") - 1])
+        seen = world.step(at + Rotation.from_rotvec([0.0, 0.0, turn]).apply(cloud), 1 / 30, closed=closed)
+    # The tool that goes frame by frame closes up to a frame later.
+    assert np.linalg.norm(seen - episode.points[-1], axis=1).mean() < 3e-3
+    first, last = (hands - hands.mean(axis=0) for hands in episode.controllers[[0, -1]])
+    np.testing.assert_allclose(last, Rotation.from_rotvec([0.0, 0.0, 1.5]).apply(first), atol=1e-5)
+    # The plan without the turn leaves the sheet elsewhere.
+    straight = rehearse_plans(
+        CLEAR, [plan_of_path(replace(path, turns=np.zeros_like(path.turns)), "")], name="straight", seed=0
+    )
+    assert np.linalg.norm(straight.points[-1] - episode.points[-1], axis=1).mean() > 0.02
+
+
 def test_a_tool_with_an_injected_delay_is_followed_late():
     heights = []
     for effects in ({}, {"control_delay": {"delay": 0.2}}):
@@ -166,6 +201,13 @@ def test_a_tool_with_an_injected_delay_is_followed_late():
         heights.append(world.points[:, 2].max())
     # 0.2 s at 0.15 m/s.
     assert heights[0] - heights[1] == pytest.approx(0.03, abs=0.005)
+
+
+def test_a_tool_whose_points_change_is_refused():
+    world = RehearsalWorld(CLEAR, seed=0, effects={})
+    world.step(np.zeros((2, 3)), 0.1, closed=False)
+    with pytest.raises(EgophysError, match="had 2 points before, and has 3 now"):
+        world.step(np.zeros((3, 3)), 0.1, closed=False)
 
 
 def test_a_tool_that_is_nowhere_is_refused():

@@ -44,6 +44,14 @@ def test_a_pose_that_is_no_newer_is_dropped():
     np.testing.assert_allclose(track.points_at(SECOND, CLOUD).mean(axis=0), [0.2, 0.0, 0.09], atol=1e-12)
 
 
+def test_a_tool_that_turns_on_the_spot_is_not_still():
+    track = ToolTrack(closed_below=0.02)
+    for half_seconds, turn in enumerate((0.0, 0.0, 0.0, 0.1, 0.2)):
+        rotation = (Rotation.from_rotvec([0.0, 0.0, turn]) * Rotation.from_quat(DOWN)).as_quat()
+        track.add_pose(half_seconds * SECOND // 2, np.array([0.0, 0.0, 0.1]), rotation)
+    assert track.still_until(0, since_ns=0) == SECOND
+
+
 @pytest.mark.parametrize("forgotten", [False, True])
 def test_nothing_happens_until_the_tool_moves_or_the_gripper_is_told(forgotten):
     still = [(0.0, 0.0, 0.1)] * 9

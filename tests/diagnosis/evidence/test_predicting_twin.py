@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
 from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors
-from egophys_core.diagnosis.evidence.predicting_twin import best_predicting, between
+from egophys_core.diagnosis.evidence.predicting_twin import best_predicting, between, predicting_pair, shares_left
+from egophys_core.diagnosis.evidence.residuals import observe
 from egophys_core.effects import TwinEffect
+from tests.diagnosis.rehearsed import WIND, episodes, sheet
 from tests.simulation.scenes import sheet_model, sheet_positions
 
 
@@ -42,3 +45,26 @@ def test_the_best_is_best_in_the_mean_of_ratios():
 
 def test_what_diverges_is_not_chosen():
     assert best_predicting([[errors(np.inf), errors(0.03)], [errors(0.001), errors(0.03)]]) == 1
+
+
+def test_a_true_effect_leaves_little_of_the_errors_and_its_reverse_more_than_all():
+    in_wind = [observe(sheet(), episode) for episode in episodes(WIND)]
+    true, reverse = (
+        with_effect(sheet(), WIND.name, {axis: sign * value for axis, value in WIND.values.items()})
+        for sign in (1.0, -1.0)
+    )
+    assert shares_left(sheet(), true, in_wind).max() < 0.3
+    assert shares_left(sheet(), reverse, in_wind).min() > 1.2
+    # Beside the true one nothing is left for a second.
+    second = with_effect(true, "quadratic_drag", {"coefficient": 0.0})
+    assert shares_left(true, second, in_wind) == pytest.approx(1.0)
+
+
+def test_the_pair_keeps_what_each_carries():
+    seen = [observe(sheet(), episodes(WIND)[0])]
+    true = with_effect(sheet(), WIND.name, dict(WIND.values))
+    before, after, errors = predicting_pair(sheet(), true, seen, given=1)
+    assert (before.effects, after.effects) == ((), true.effects)
+    assert [np.nanmean(after.track) < np.nanmean(before.track) for before, after in errors] == [True]
+    same, also, _ = predicting_pair(true, true, seen, given=1)
+    assert same.effects == also.effects == true.effects

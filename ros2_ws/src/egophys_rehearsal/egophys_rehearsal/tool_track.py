@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from egophys_core.interpolation import PosesOverTime
 from egophys_core.waypoint_plan import NANOSECONDS
 
-STILL_M = 1e-3
+STILL_M, STILL_RAD = 1e-3, 1e-2
 """A tool that stays within this has not moved."""
 
 
@@ -75,8 +75,11 @@ class ToolTrack:
         """
         begin = max(0, bisect_right(self._stamps, since_ns) - 1)
         until = stamp_ns
-        for stamp, position in zip(self._stamps[begin:], self._positions[begin:], strict=True):
-            if np.linalg.norm(position - self._positions[begin]) > STILL_M:
+        unturned = self._rotations[begin].inv()
+        poses = zip(self._stamps[begin:], self._positions[begin:], self._rotations[begin:], strict=True)
+        for stamp, position, rotation in poses:
+            moved = np.linalg.norm(position - self._positions[begin])
+            if moved > STILL_M or (rotation * unturned).magnitude() > STILL_RAD:
                 break
             until = max(until, stamp)
         commands = [each for each in self._commands if each > since_ns]

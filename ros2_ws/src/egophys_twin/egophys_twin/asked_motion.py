@@ -97,6 +97,7 @@ def plan_that_lets_go(path: ToolPath, *, highest: float) -> WaypointPlan:
     whole = ToolPath(
         times=np.append(path.times, [opens, opens + RISES_S]),
         positions=np.vstack([path.positions, end, above]),
+        turns=np.append(path.turns, path.turns[[-1, -1]]),
         holds=np.append(path.holds, [False, False]),
     )
     return plan_of_path(whole, twin_id="")

@@ -32,6 +32,7 @@ EXECUTE = {
 }
 LIMITS = {
     "ask_max_speed_m_s": (0.25, 0.02, 1.0, "how fast the tool moves in a motion that a diagnosis asks for, m/s"),
+    "ask_max_turn_rad_s": (1.0, 0.05, 3.0, "how fast the tool turns about the vertical in such a motion, rad/s"),
     "ask_highest_m": (
         0.34,
         0.05,
@@ -67,8 +68,8 @@ class AskedWorld:
 
     def limits(self) -> HandLimits:
         """What the arm may do."""
-        fastest, highest = (float(self._node.get_parameter(name).value) for name in LIMITS)
-        return HandLimits(hands=1, fastest_m_s=fastest, highest_m=highest)
+        fastest, fastest_turn, highest = (float(self._node.get_parameter(name).value) for name in LIMITS)
+        return HandLimits(hands=1, fastest_m_s=fastest, fastest_turn_rad_s=fastest_turn, highest_m=highest)
 
     def require_bridge(self) -> None:
         """Check that there is an arm.

@@ -81,4 +81,6 @@ class Grip:
 
     def _turned(self, hands: Hands) -> np.ndarray:
         """[A, 3] metres from the hands to where the ties hold."""
-        return about_vertical(self._offsets, self._turns(hands))
+        turns = self._turns(hands)
+        # Most hands never turn, and there are thousands of steps in a second.
+        return about_vertical(self._offsets, turns) if turns.any() else self._offsets

@@ -20,7 +20,7 @@ class ToolTrack:
         self._closed_below = closed_below
         self._stamps: list[int] = []
         self._positions: list[np.ndarray] = []
-        self._rotations: list[Rotation] = []
+        self._quaternions: list[np.ndarray] = []
         self._commands: list[int] = []
         self._openings: list[float] = []
 
@@ -35,7 +35,7 @@ class ToolTrack:
         if is_pose and (not self._stamps or stamp_ns > self._stamps[-1]):
             self._stamps.append(stamp_ns)
             self._positions.append(np.asarray(position, float))
-            self._rotations.append(Rotation.from_quat(quaternion))
+            self._quaternions.append(np.asarray(quaternion, float) / np.linalg.norm(quaternion))
 
     def add_opening(self, stamp_ns: int, opening: float) -> None:
         """Add an opening, metres, that was commanded."""
@@ -49,7 +49,7 @@ class ToolTrack:
     def forget_before(self, stamp_ns: int) -> None:
         """Drop what is not needed for times from a stamp on."""
         poses = max(0, bisect_right(self._stamps, stamp_ns) - 1)
-        del self._stamps[:poses], self._positions[:poses], self._rotations[:poses]
+        del self._stamps[:poses], self._positions[:poses], self._quaternions[:poses]
         commands = max(0, bisect_right(self._commands, stamp_ns) - 1)
         del self._commands[:commands], self._openings[:commands]
 
@@ -58,7 +58,7 @@ class ToolTrack:
         after = bisect_left(self._stamps, stamp_ns)
         around = slice(max(after - 1, 0), after + 1)
         seconds = np.array([stamp - stamp_ns for stamp in self._stamps[around]]) / NANOSECONDS
-        rotations = Rotation.concatenate(self._rotations[around])
+        rotations = Rotation.from_quat(np.array(self._quaternions[around]))
         position, rotation = PosesOverTime(seconds, np.array(self._positions[around]), rotations).at(0.0)
         return np.asarray(rotation.apply(cloud) + position)
 
@@ -74,13 +74,10 @@ class ToolTrack:
             At least `stamp_ns`, at most the newest pose.
         """
         begin = max(0, bisect_right(self._stamps, since_ns) - 1)
-        until = stamp_ns
-        unturned = self._rotations[begin].inv()
-        poses = zip(self._stamps[begin:], self._positions[begin:], self._rotations[begin:], strict=True)
-        for stamp, position, rotation in poses:
-            moved = np.linalg.norm(position - self._positions[begin])
-            if moved > STILL_M or (rotation * unturned).magnitude() > STILL_RAD:
-                break
-            until = max(until, stamp)
+        positions, quaternions = (np.array(each[begin:]) for each in (self._positions, self._quaternions))
+        moved = np.linalg.norm(positions - positions[0], axis=1)
+        turned = 2.0 * np.arccos(np.minimum(np.abs(quaternions @ quaternions[0]), 1.0))
+        still = np.logical_and.accumulate((moved <= STILL_M) & (turned <= STILL_RAD))
+        until = self._stamps[begin + int(still.sum()) - 1]
         commands = [each for each in self._commands if each > since_ns]
         return max(stamp_ns, min([until, *commands]))

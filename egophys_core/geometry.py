@@ -63,6 +63,12 @@ def about_vertical(vectors: np.ndarray, angles: np.ndarray) -> np.ndarray:
     return turned
 
 
+def turn_about_vertical(source: np.ndarray, target: np.ndarray) -> float:
+    """Radians about z that bring points [P, 3] nearest to others, each about their mean; 0 for points above another."""
+    a, b = source - source.mean(axis=0), target - target.mean(axis=0)
+    return float(np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a[:, :2] * b[:, :2]).sum()))
+
+
 def rigid_fit(source: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rotation [3, 3] and shift [3] that bring points [P, 3] nearest to others (Kabsch, Acta Cryst. A32 (1976) 922).
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from egophys_core.geometry import about_vertical, farthest_first, farthest_points, nearest_rotation
+from egophys_core.geometry import about_vertical, farthest_first, farthest_points, nearest_rotation, turn_about_vertical
 
 
 def test_farthest_points_of_a_square_are_its_corners():
@@ -56,3 +56,12 @@ def test_vectors_turn_about_the_vertical_and_by_nothing_not_at_all():
     for row, angle in enumerate((0.4, -2.0)):
         np.testing.assert_allclose(turned[row], Rotation.from_rotvec([0.0, 0.0, angle]).apply(vectors), atol=1e-12)
     np.testing.assert_array_equal(about_vertical(vectors, np.zeros(7)), vectors)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.7, -2.5])
+def test_a_turn_about_the_vertical_is_told_from_points_that_were_moved_too(angle):
+    points = np.random.default_rng(1).normal(size=(6, 3))
+    assert turn_about_vertical(points, about_vertical(points, np.full(6, angle)) + [0.3, -0.2, 0.1]) == pytest.approx(
+        angle
+    )
+    assert turn_about_vertical(points[:1], points[1:2]) == 0.0

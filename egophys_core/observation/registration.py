@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from egophys_core.geometry import turn_about_vertical
+
 YAW_STARTS = 8
 """Rotations about the vertical tried from scratch when the shape is not already in place."""
 
@@ -53,7 +55,6 @@ def _align(positions: np.ndarray, observed: np.ndarray, yaw: float) -> tuple[np.
         error = float(distances.mean())
         source, target = positions[nearest] - centre, observed
         source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
-        a, b = source - source_mean, target - target_mean
-        angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a[:, :2] * b[:, :2]).sum())
+        angle = turn_about_vertical(source, target)
         pose = np.array([*(target_mean - _turn(angle) @ source_mean - centre), angle])
     return pose, error

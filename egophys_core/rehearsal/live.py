@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from egophys_core.errors import SimulationError
+from egophys_core.geometry import turn_about_vertical
 from egophys_core.interpolation import values_at
 from egophys_core.rehearsal.bodies import make_body
 from egophys_core.rehearsal.handled_body import HandledBody
@@ -108,9 +109,3 @@ class RehearsalWorld:
         """The recorded tool at a time."""
         centre, turn = (values_at(self._times, record, time)[None] for record in (self._centres, self._turns))
         return Hands(centres=centre, turns=turn)
-
-
-def turn_about_vertical(before: np.ndarray, after: np.ndarray) -> float:
-    """Radians about z by which points [C, 3] turned; 0 where they lie above each other."""
-    (x, y, _), (to_x, to_y, _) = ((points - points.mean(axis=0)).T for points in (before, after))
-    return float(np.arctan2(np.sum(x * to_y - y * to_x), np.sum(x * to_x + y * to_y)))

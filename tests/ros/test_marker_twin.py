@@ -19,6 +19,7 @@ from egophys_core.recording import read_episode, write_episode
 from egophys_core.twin import encode_twin, load_twin
 from tests.kinds.hanging_cable import curve, moved_by_hand, record_of, rolled_out
 from tests.kinds.seen_markers import marker_body
+from tests.ros.jobs import wait_for_job
 from tests.ros.test_twin_diagnosis import SMALL
 
 pytestmark = pytest.mark.ros
@@ -76,12 +77,8 @@ def test_a_cable_is_built_with_a_load_and_diagnosed(start_twin_node, client, cab
     improved = load_twin(tmp_path / "found/improved.twin")
     assert improved.provenance.parent_id == here.twin_id
     assert client.message(TwinInfo, f"{NODE}/info", qos=latched()).twin_id == improved.twin_id
-
-    def is_done(job):
-        # The build before ended in this state, too, and its latched message may come first.
-        return job.job_id == handle.goal_id and job.state == BuildJob.SUCCEEDED
-
-    client.message(BuildJob, f"{NODE}/job", is_done, latched(), timeout=60)
+    # The build before ended in this state, too, and its latched message may come first.
+    wait_for_job(client, BuildJob.SUCCEEDED, job_id=handle.goal_id)
 
 
 def test_loads_that_cannot_be_are_refused_with_the_reason(start_twin_node, client, cables, tmp_path):

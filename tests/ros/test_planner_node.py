@@ -30,6 +30,7 @@ from egophys_core.planning import (
 from egophys_core.recording import xyz_of_message
 from egophys_core.waypoint_plan import plan_of_message
 from tests.ros.cloth import SEED, lifting_plan
+from tests.ros.jobs import wait_for_job
 
 pytestmark = pytest.mark.ros
 
@@ -201,7 +202,7 @@ def test_a_plan_fails_clearly_when_the_twin_changes_or_goes(
         options_json='{"generations": 1, "population": 2, "dense_steps": 0}',
     )
     assert client.call(RebuildTwin, "/twin_node/rebuild", request).accepted
-    job = client.message(BuildJob, "/twin_node/job", lambda job: job.state == BuildJob.SUCCEEDED, latched())
+    job = wait_for_job(client, BuildJob.SUCCEEDED)
     ended = client.result(handle)
     assert ended.status == GoalStatus.STATUS_ABORTED
     assert "is not in use" in ended.result.message

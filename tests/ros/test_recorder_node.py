@@ -26,6 +26,7 @@ from egophys_core.recording import CutRecordingWarning, decode_episode, find_los
 from egophys_core.replay import ReplayOutcome, replay_log
 from egophys_core.twin import decode_twin
 from tests.ros.cloth import FRAMES, NAME, OPTIONS_JSON, SEED, lifting_plan
+from tests.ros.jobs import wait_for_job
 
 pytestmark = pytest.mark.ros
 
@@ -88,7 +89,7 @@ def build(client, bag, output, options=OPTIONS_JSON, node="/twin_node"):
     """Have the twin node build the small cloth's twin."""
     request = RebuildTwin.Request(episode_paths=[str(bag)], output_path=str(output), options_json=options, seed=SEED)
     assert client.call(RebuildTwin, f"{node}/rebuild", request).accepted
-    client.message(BuildJob, f"{node}/job", lambda job: job.state == BuildJob.SUCCEEDED, latched())
+    wait_for_job(client, BuildJob.SUCCEEDED, node=node)
 
 
 def messages(folder, topic, kind):

@@ -14,6 +14,7 @@ from egophys_core.diagnosis.diagnosis import Outcome
 from egophys_core.effects import LIBRARY
 from egophys_core.twin import decode_twin, load_twin
 from tests.ros.cloth import NAME, OPTIONS_JSON, SEED
+from tests.ros.jobs import wait_for_job
 
 pytestmark = pytest.mark.ros
 
@@ -46,10 +47,6 @@ def asked(bag, output, options=SMALL, **fields):
 def start_diagnosis(client, *arguments, **fields):
     request = srv.DiagnoseTwin.Request(**asked(*arguments, **fields))
     return client.call(srv.DiagnoseTwin, f"{NODE}/start_diagnosis", request)
-
-
-def wait_for_job(client, state):
-    return client.message(BuildJob, f"{NODE}/job", lambda job: job.state == state, latched(), timeout=120)
 
 
 def test_a_diagnosis_puts_the_improved_twin_into_use(start_twin_node, client, bag, twin, twin_file, tmp_path):

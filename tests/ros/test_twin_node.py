@@ -25,6 +25,7 @@ from egophys_core.planning import final_shapes, grasp_from_points, rollout_plans
 from egophys_core.recording import read_episode, write_episode, xyz_of_message
 from egophys_core.twin import decode_twin, encode_twin
 from tests.ros.cloth import ENDLESS_JSON, FRAMES, NAME, OPTIONS_JSON, SEED, lifting_plan
+from tests.ros.jobs import wait_for_job
 
 pytestmark = pytest.mark.ros
 
@@ -43,13 +44,6 @@ def rebuild(client, bag, output, options=OPTIONS_JSON):
         seed=SEED,
     )
     return client.call(RebuildTwin, f"{NODE}/rebuild", request)
-
-
-def wait_for_job(client, state, stage=""):
-    def reached(job):
-        return job.state == state and job.stage.startswith(stage)
-
-    return client.message(BuildJob, f"{NODE}/job", reached, latched(), timeout=60)
 
 
 def roll_out(client, plans, target=None, **fields):
@@ -202,7 +196,7 @@ def test_a_canceled_goal_leaves_the_previous_twin(start_twin_node, client, bag, 
     start_twin_node(twin_file)
     output = tmp_path / "never.twin"
     handle = client.send_goal(BuildTwin, f"{NODE}/build", goal(bag, output, ENDLESS_JSON))
-    wait_for_job(client, BuildJob.RUNNING, "search")
+    wait_for_job(client, BuildJob.RUNNING, stage="search")
     client.cancel(handle)
     ended = client.result(handle, timeout=10)
     assert ended.status == GoalStatus.STATUS_CANCELED
@@ -242,7 +236,7 @@ def test_a_killed_node_leaves_the_previous_twin_and_serves_it_again(
     path.write_bytes(twin_file.read_bytes())
     node = start_twin_node(path)
     assert rebuild(client, bag, path, ENDLESS_JSON).accepted
-    wait_for_job(client, BuildJob.RUNNING, "search")
+    wait_for_job(client, BuildJob.RUNNING, stage="search")
     node.kill()
     assert [each.name for each in folder.iterdir()] == ["cloth.twin"]
     assert path.read_bytes() == twin_file.read_bytes()
@@ -285,7 +279,7 @@ def test_lifecycle(start_node, client, bag, twin_file, tmp_path):
         assert client.change_state(NODE, Transition.TRANSITION_ACTIVATE)
         handle = client.send_goal(BuildTwin, f"{NODE}/build", goal(bag, tmp_path / "a.twin", ENDLESS_JSON))
         assert handle.accepted
-        wait_for_job(client, BuildJob.RUNNING, "search")
+        wait_for_job(client, BuildJob.RUNNING, stage="search")
         assert client.change_state(NODE, Transition.TRANSITION_DEACTIVATE)
         assert client.result(handle, timeout=10).status == GoalStatus.STATUS_ABORTED
         assert client.change_state(NODE, Transition.TRANSITION_CLEANUP)
@@ -311,7 +305,7 @@ def test_ctrl_c_ends_a_build_in_good_order(start_twin_node, client, bag, tmp_pat
     node = start_twin_node()
     handle = client.send_goal(BuildTwin, f"{NODE}/build", goal(bag, tmp_path / "a.twin", ENDLESS_JSON))
     ended = handle.get_result_async()
-    wait_for_job(client, BuildJob.RUNNING, "search")
+    wait_for_job(client, BuildJob.RUNNING, stage="search")
     assert node.interrupt() == 0, node.output
     wait_until(ended.done, 10, "the goal's result, from the node that was told to end")
     assert "canceled" in ended.result().result.message

@@ -8,7 +8,8 @@ without an effect that were looked at before: what their best effects gained aft
 import json
 import math
 import time
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -32,7 +33,7 @@ from egophys_core.rehearsal.injection import injected_sizes
 
 RESULT = Path(__file__).parent / "results/asked.json"
 
-DRAWN = 20261128_08
+DRAWN = 20261129_01
 """Seed of the objects and motions of this table."""
 
 MOST_ASKED = 2
@@ -89,6 +90,21 @@ def cases() -> list[AskedCase]:
         AskedCase(effect=effect, size=size, object=body, seed=int(seed))
         for (effect, size, body), seed in zip(rounds, seeds, strict=True)
     ]
+
+
+def fewest_rows_first(missing: Sequence[AskedCase], rows: Sequence[Mapping[str, Any]]) -> list[AskedCase]:
+    """Cases of kinds that have fewest rows first: objects are drawn anew for a revision, and begin all over."""
+    known = Counter(_kind(row) for row in rows)
+    order = []
+    for case in missing:
+        kind = _kind(asdict(case))
+        order.append((known[kind], case))
+        known[kind] += 1
+    return [case for _, case in sorted(order, key=lambda each: each[0])]
+
+
+def _kind(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    return row["effect"], row["size"], row["object"]
 
 
 def measure(case: AskedCase) -> dict[str, Any]:
@@ -165,7 +181,7 @@ def run(*, minutes: float = 1e9) -> dict[str, Any]:
     rows = kept["rows"]
     done = {_key(row) for row in rows}
     missing = [case for case in cases() if json.dumps(asdict(case), sort_keys=True) not in done]
-    for _, row in side_by_side(measure, missing, minutes=minutes):
+    for _, row in side_by_side(measure, fewest_rows_first(missing, rows), minutes=minutes):
         rows.append(row)
         write_json(RESULT, kept)
     return {

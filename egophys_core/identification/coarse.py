@@ -5,8 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import cma
 import numpy as np
 
 from egophys_core.cores import usable_cores
@@ -26,6 +26,9 @@ from egophys_core.kinds.rest_shape import surface_model
 from egophys_core.observation.problem import FitProblem
 from egophys_core.simulation import batch_of_models, filled_up, rollout
 from egophys_core.twin import Codebook, ObjectModel
+
+if TYPE_CHECKING:
+    import cma
 
 AT_BOUND = 0.01
 """Share of what is searched within which a number is at its end."""
@@ -138,8 +141,11 @@ def at_bounds(numbers: Sequence[Searched], coordinates: np.ndarray) -> tuple[str
     )
 
 
-def _strategy(shape: RestShape, options: FitOptions, seed: int) -> cma.CMAEvolutionStrategy:
+def _strategy(shape: RestShape, options: FitOptions, seed: int) -> "cma.CMAEvolutionStrategy":
     """CMA-ES at its start, with a random generator of its own."""
+    # It brings pyplot: a second of imports, which nodes that only load a twin would wait for.
+    import cma
+
     generator = np.random.default_rng(seed)
     start = [number.start_u for number in surface_model(kind_named(shape.kind)).numbers(shape)]
     # The usual 4 + 3 ln D (Hansen, "The CMA evolution strategy: a tutorial", 2016), and those that cost nothing more.

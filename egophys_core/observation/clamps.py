@@ -1,7 +1,6 @@
 """Clamps: held points that move as one piece, and what they carry along."""
 
 import numpy as np
-from scipy.signal import savgol_filter
 from scipy.spatial import cKDTree
 
 from egophys_core.geometry import rigid_fit
@@ -43,6 +42,9 @@ def smoothed_clamps(held: np.ndarray, times: np.ndarray) -> np.ndarray:
     frames = 2 * round(0.5 * SMOOTHED_S / float(np.median(np.diff(times)))) + 1
     if not 5 <= frames <= len(times):
         return held
+    # A second of imports, which only records of markers need.
+    from scipy.signal import savgol_filter
+
     return np.asarray(savgol_filter(held, frames, 2, axis=0))
 
 

@@ -209,9 +209,9 @@ class Engine:
         )
 
     def _pairs(self, horizon: float) -> PairArrays:
-        if self.finder is None:
-            return self.no_pairs
-        return self.finder.find(self.state.positions, self.state.velocities, horizon)
+        if self.finder is not None and self.finder.find(self.state.positions, self.state.velocities, horizon):
+            return self.finder.pairs
+        return self.no_pairs
 
     def _new_segment(self, frame: int, durations: np.ndarray) -> Segment:
         contact = self.contact[:, frame]

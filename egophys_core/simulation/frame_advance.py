@@ -1,12 +1,12 @@
 """Advancing a state by the substeps of a frame: in one launch on a CPU, as a CUDA graph on a GPU."""
 
 from collections.abc import Callable
-from functools import partial
 
 import warp as wp
 
 from egophys_core.lanes.state import StateArrays
 from egophys_core.simulation.device_arrays import substep_arrays
+from egophys_core.simulation.recorded_launch import RecordedLaunch
 from egophys_core.simulation.step import frame_kernel
 from egophys_core.simulation.substep import FrameInputs, SubstepArrays, find_divergences, launch_substep
 
@@ -18,16 +18,23 @@ def frame_advance(groups: int, nodes: int, controllers: int, memory: tuple[int, 
     """The way of this device; `memory` are the springs and how many numbers each of them remembers."""
     if wp.get_device(device).is_cpu:
         # There the state is advanced in place, with what springs remember.
-        return partial(_advance_on_cpu, substep_arrays(groups, nodes, controllers, (0, 0), device))
+        return _LaunchAdvance(substep_arrays(groups, nodes, controllers, (0, 0), device))
     out = [substep_arrays(groups, nodes, controllers, memory, device) for _ in range(2)]
     return _GraphAdvance((out[0], out[1]))
 
 
-def _advance_on_cpu(scratch: SubstepArrays, state: StateArrays, substeps: int, inputs: FrameInputs) -> None:
-    wp.launch(
-        frame_kernel(inputs.terms),
-        dim=scratch.forces.shape[0],
-        inputs=[
+class _LaunchAdvance:
+    """One launch a frame, always with the terms of the first one."""
+
+    def __init__(self, scratch: SubstepArrays) -> None:
+        self._scratch = scratch
+        self._launch: RecordedLaunch | None = None
+
+    def __call__(self, state: StateArrays, substeps: int, inputs: FrameInputs) -> None:
+        scratch = self._scratch
+        if self._launch is None:
+            self._launch = RecordedLaunch(frame_kernel(inputs.terms), scratch.forces.shape[0], scratch.forces.device)
+        self._launch(
             state,
             scratch.forces,
             inputs.springs,
@@ -42,9 +49,7 @@ def _advance_on_cpu(scratch: SubstepArrays, state: StateArrays, substeps: int, i
             scratch.contacts,
             scratch.changes,
             inputs.frame,
-        ],
-        device=scratch.forces.device,
-    )
+        )
 
 
 def advance_by_substeps(

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from egophys_core.errors import SimulationError
-from egophys_core.lanes import Lanes, pack, unpack
+from egophys_core.lanes import pack, unpack
 from egophys_core.simulation.attachments import NOTHING_HELD, Attachments
 from egophys_core.simulation.batch import RolloutBatch
 from egophys_core.simulation.codebook_arrays import held_nodes
@@ -318,28 +318,14 @@ class _BackwardPass:
     def _tape(self, inputs: FrameInputs, segment: Segment) -> FrameTape:
         """The tape of a frame; the last one serves as long as it would read the same arrays."""
         engine, substeps = self.engine, int(segment.substeps.max())
-        inputs = replace(inputs, pairs=self._kept_pairs(inputs.pairs))
+        if engine.finder is not None and engine.finder.pairs is not self.pairs:
+            self.tape, self.pairs = None, engine.finder.pairs
+        # Where there are none now, there may be some in the next frame.
+        inputs = replace(inputs, pairs=inputs.pairs if self.pairs is None else self.pairs)
         if self.tape is None or self.tape.substeps != substeps:
             self.tape = FrameTape(substeps, engine.groups, self.nodes, self.controllers, engine.memory, engine.device)
             self.tape.record(inputs)
         return self.tape
-
-    def _kept_pairs(self, pairs: PairArrays) -> PairArrays:
-        """The pairs of a frame in arrays that stay the same from frame to frame, as a tape needs."""
-        if self.engine.finder is None:
-            return pairs
-        if self.pairs is None or pairs.count > self.pairs.count:
-            self.tape, self.pairs = None, PairArrays()
-            # Room for twice as many; what is not named in `starts` is never read.
-            self.pairs.count = max(1, 2 * pairs.count)
-            self.pairs.starts = wp.empty_like(pairs.starts)
-            self.pairs.others = wp.empty(self.pairs.count, dtype=int, device=self.engine.device)
-            self.pairs.distances = wp.empty(self.pairs.count, dtype=Lanes, device=self.engine.device)
-        wp.copy(self.pairs.starts, pairs.starts)
-        if pairs.count:
-            wp.copy(self.pairs.others, pairs.others, count=pairs.count)
-            wp.copy(self.pairs.distances, pairs.distances, count=pairs.count)
-        return self.pairs
 
     def _collect_controls(self, frames: np.ndarray) -> None:
         arrays, rows = self.engine.controller_arrays, len(self.rollouts)

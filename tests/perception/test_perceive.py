@@ -263,6 +263,7 @@ def covered(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return run(tmp_path_factory.mktemp("covered"), frames, SLOW_OPTIONS)
 
 
+@pytest.mark.slow
 class TestCoveredObject:
     """The hand over everything for a second."""
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from egophys_core.diagnosis.diagnosis import Estimate
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
@@ -100,7 +100,7 @@ def _tilt_effect(
     angles = np.random.default_rng(recordings.seed).uniform(0.0, 2.0 * np.pi, SURROGATES)
     surrogates = np.array([sum(lean_gain(each, turned) for each in leans) for turned in _turned(plumb, angles)])
     alone = np.array([tilt_values(effect, [each]) for each in leans])
-    width = student.ppf(0.975, count - 1) * alone.std(axis=0, ddof=1) / np.sqrt(count)
+    width = stdtrit(count - 1, 0.975) * alone.std(axis=0, ddof=1) / np.sqrt(count)
     also = effect.traits.equivalent_in_air
     return measured(
         effect.name,

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from egophys_core.diagnosis.diagnosis import Estimate
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
@@ -79,7 +79,7 @@ def _frame_effect(
     validation = sum(level_gain(each.rest, frame) for each in recordings.validation) if recordings.validation else None
     angles = np.random.default_rng(recordings.seed).uniform(0.0, 2.0 * np.pi, SURROGATES)
     surrogates = np.array([sum(level_gain(rest, each) for rest in rests) for each in _leaning(frame, angles)])
-    width = student.ppf(0.975, count - 1) * found.std(axis=0, ddof=1) / np.sqrt(count)
+    width = stdtrit(count - 1, 0.975) * found.std(axis=0, ddof=1) / np.sqrt(count)
     return measured(
         effect.name,
         parameters={

@@ -10,6 +10,8 @@ from egophys_core.lanes import Lanes, group_count, pack
 from egophys_core.simulation.collision import pair_search
 from egophys_core.simulation.collision.pair_search import CLUSTER_SIZE, BoxArrays, ClusterArrays, SearchArrays
 from egophys_core.simulation.collision.self_collision import PairArrays
+from egophys_core.simulation.host_access import HostAccess
+from egophys_core.simulation.recorded_launch import RecordedLaunch
 
 
 class PairFinder:
@@ -44,45 +46,62 @@ class PairFinder:
         self.boxes.halves = wp.empty((*self.shape, 3), dtype=Lanes, device=device)
         self.boxes.velocities = wp.empty((*self.shape, 3), dtype=Lanes, device=device)
         self.boxes.speeds = wp.empty(self.shape, dtype=Lanes, device=device)
-        self.search = SearchArrays()
-        self.search.distances = self._array(pack(distances), Lanes)
+        self.search = self._search(self._array(pack(distances), Lanes), 0.0)
         self.marks = wp.empty((self.groups, self.nodes, len(members)), dtype=wp.uint32, device=device)
-        self.counts = wp.empty((self.groups, self.nodes), dtype=int, device=device)
+        each_node = (self.groups, self.nodes)
+        self.counts, self.ends = (wp.zeros(each_node, dtype=int, device=device) for _ in range(2))
+        self.starts = wp.zeros((self.groups, self.nodes + 1), dtype=int, device=device)
+        self.pairs = self._room_for(1)
+        """Those that the last search found, in arrays that stay the same until they are too small."""
+        self._counts, self._ends, self._starts = map(HostAccess, (self.counts, self.ends, self.starts))
+        self._bound, self._mark, self._list = (
+            RecordedLaunch(kernel, self.shape, device)
+            for kernel in (pair_search.bound_clusters, pair_search.mark_pairs, pair_search.list_pairs)
+        )
+        self._finish = RecordedLaunch(pair_search.finish_rows, each_node, device)
 
-    def find(self, positions: wp.array, velocities: wp.array, horizon: float) -> PairArrays:
-        """Pairs that may come nearer than their collision distance within `horizon` seconds, in arrays of their own.
+    def find(self, positions: wp.array, velocities: wp.array, horizon: float) -> bool:
+        """Put the pairs that may come nearer than their collision distance within `horizon` seconds into `pairs`.
 
         Args:
             positions: [G, N or more, 3] of Lanes, metres; what comes after the N nodes is left out.
             velocities: likewise, m/s.
             horizon: seconds.
+
+        Returns:
+            Whether there are any.
         """
-        self.search.horizon = horizon
+        if horizon != self.search.horizon:
+            self.search = self._search(self.search.distances, horizon)
         state = (positions, velocities)
-        self.counts.zero_()
-        self._launch(pair_search.bound_clusters, self.shape, self.clusters, *state, self.boxes)
-        marked = (self.marks, self.counts)
-        self._launch(pair_search.mark_pairs, self.shape, self.clusters, self.boxes, self.search, *state, *marked)
-        ends = np.concatenate([[0], np.cumsum(self.counts.numpy())])
+        self._counts.write(np.zeros(self.counts.shape, np.int32))
+        self._bound(self.clusters, *state, self.boxes)
+        self._mark(self.clusters, self.boxes, self.search, *state, self.marks, self.counts)
+        ends = np.concatenate([[0], np.cumsum(self._counts.read())])
         starts = ends[np.arange(self.groups)[:, None] * self.nodes + np.arange(self.nodes + 1)]
+        self._starts.write(starts)
+        if ends[-1] > self.pairs.count:
+            self.pairs = self._room_for(2 * int(ends[-1]))
+        if ends[-1]:
+            self._ends.write(starts[:, :-1])
+            self._list(self.clusters, self.marks, self.ends, self.pairs.others)
+            self._finish(self.rest_positions, self.search, *state, self.pairs)
+        return bool(ends[-1])
+
+    def _search(self, distances: wp.array, horizon: float) -> SearchArrays:
+        search = SearchArrays()
+        search.distances, search.horizon = distances, horizon
+        return search
+
+    def _room_for(self, count: int) -> PairArrays:
         pairs = PairArrays()
-        pairs.count = int(ends[-1])
-        pairs.starts = self._array(starts, int)
-        pairs.others = wp.empty(pairs.count, dtype=int, device=self.device)
-        pairs.distances = wp.empty(pairs.count, dtype=Lanes, device=self.device)
-        if pairs.count:
-            rows = self._array(starts[:, :-1], int)
-            self._launch(pair_search.list_pairs, self.shape, self.clusters, self.marks, rows, pairs.others)
-            rest = self.rest_positions
-            self._launch(pair_search.finish_rows, self.counts.shape, rest, self.search, *state, pairs)
+        pairs.count, pairs.starts = count, self.starts
+        pairs.others = wp.zeros(count, dtype=int, device=self.device)
+        pairs.distances = wp.zeros(count, dtype=Lanes, device=self.device)
         return pairs
 
     def _array(self, values: np.ndarray, kind: Any) -> wp.array:
         return wp.array(values, dtype=kind, device=self.device)
-
-    def _launch(self, kernel: wp.Kernel, dim: tuple[int, ...], *inputs: Any) -> None:
-        # A tape that records the rollout must not see the search: it has no gradient.
-        wp.launch(kernel, dim=dim, inputs=list(inputs), device=self.device, record_tape=False)
 
 
 def find_pairs(
@@ -94,7 +113,7 @@ def find_pairs(
     rest_positions: np.ndarray,
     device: str,
 ) -> PairArrays:
-    """`PairFinder.find`, once, for a state on the host.
+    """What `PairFinder` finds in a state on the host.
 
     Args:
         positions: [K, N, 3] metres.
@@ -113,7 +132,8 @@ def find_pairs(
             raise SimulationError(f"{label} must be {shape} for these distances and this object, got {array.shape}")
     finder = PairFinder(rest_positions, distances, device)
     here, moving = (wp.array(pack(array), dtype=Lanes, device=device) for array in (positions, velocities))
-    return finder.find(here, moving, horizon)
+    finder.find(here, moving, horizon)
+    return finder.pairs
 
 
 def clusters_of(rest_positions: np.ndarray) -> list[np.ndarray]:

@@ -31,11 +31,11 @@ class PairArrays:
     starts: wp.array2d(dtype=int)
     """[G, N + 1] first entry of each node's row in the flat lists."""
     others: wp.array(dtype=int)
-    """[Q] the other node, > the row's node; ascending within a row."""
+    """[Q] the other node, > the row's node; ascending within a row. What stands in no row means nothing."""
     distances: wp.array(dtype=Lanes)
     """[Q] metres: nodes nearer than this collide; 0 where the pair is no candidate of a rollout."""
     count: int
-    """Q."""
+    """Q, or 0 where there are no pairs."""
 
 
 # Functions of many steps fill one or two results in one loop over the lanes: the compiler turns those into vector

@@ -34,13 +34,16 @@ def scores(predicted, truths, part):
 @pytest.mark.parametrize(
     "scene",
     [
-        Scene(object_colours=(BLUE, GREEN), frames=32),
-        Scene(object_colours=(KHAKI,), frames=32),
-        Scene(object_colours=(REDDISH_SKIN,), frames=32),
-        Scene(object_colours=(DARK,), hand_colour=(60, 90, 60), frames=32),
-        Scene(table_colour=(60, 60, 70), frames=32),
+        pytest.param(Scene(object_colours=(BLUE, GREEN), frames=32), id="two-tone", marks=pytest.mark.slow),
+        pytest.param(Scene(object_colours=(KHAKI,), frames=32), id="like the table"),
+        pytest.param(Scene(object_colours=(REDDISH_SKIN,), frames=32), id="like the skin"),
+        pytest.param(
+            Scene(object_colours=(DARK,), hand_colour=(60, 90, 60), frames=32),
+            id="dark and glove",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(Scene(table_colour=(60, 60, 70), frames=32), id="dark table", marks=pytest.mark.slow),
     ],
-    ids=["two-tone", "like the table", "like the skin", "dark and glove", "dark table"],
 )
 def test_object_and_hand_are_kept_apart(scene):
     predicted, truths = follow(scene)
@@ -80,7 +83,13 @@ def test_change_of_exposure_black_frames_and_blur():
     assert found.region_per_frame.min() > 0.9
 
 
-@pytest.mark.parametrize("push", [(0.0, 0.0), (0.004, 0.001)], ids=["still", "moved while hidden"])
+@pytest.mark.parametrize(
+    "push",
+    [
+        pytest.param((0.0, 0.0), id="still", marks=pytest.mark.slow),
+        pytest.param((0.004, 0.001), id="moved while hidden"),
+    ],
+)
 def test_object_hidden_for_a_second_comes_back(push):
     predicted, truths = follow(Scene(hand_frames=(2, 200), hand_covers=(15, 44), push=push, frames=50))
     assert not predicted[30].object.any()

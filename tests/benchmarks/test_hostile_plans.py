@@ -10,7 +10,7 @@ from benchmarks.hostile_plans import unsafe_commands
 from benchmarks.unsafe import measure
 
 DOWN = [math.pi, 0.0, 0.0]
-COUNT = 60
+COUNT = 30
 
 
 def test_no_plan_is_unsafe_on_the_wire():

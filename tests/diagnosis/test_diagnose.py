@@ -24,7 +24,7 @@ QUICK = DiagnosisOptions(baseline_starts=2, shortlist=2, refit_iterations=3, sur
 ASKED = {"constant_body_force", "gravity_tilt", "quadratic_drag"}
 """Effects, of which two explain a wind: each further one costs these tests ten seconds."""
 
-OF_ALL_SORTS = {*ASKED, "anisotropy", "bending_damping", "gripper_offset", "stribeck_friction", "uneven_mass"}
+OF_ALL_SORTS = {"quadratic_drag", "anisotropy", "gripper_offset", "stribeck_friction", "uneven_mass"}
 """Effects on what acts on an object, on its material, on how it is held and what it slides on."""
 
 

@@ -239,6 +239,7 @@ def test_how_a_rod_bends_and_how_it_is_damped_are_found() -> None:
     assert "rod" in twin.provenance.settings["assumed"][0]
 
 
+@pytest.mark.slow
 def test_an_intrinsic_curvature_is_found() -> None:
     """Of a cable that was kept on a coil, and begins where it hangs."""
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=200), aside=0.1)

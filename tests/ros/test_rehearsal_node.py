@@ -169,8 +169,12 @@ def test_scripted_hands_show_an_episode_in_its_own_time(start_node, client, lab)
     ("parameters", "reason"),
     [
         ({"effects": "control_dela"}, "unknown effect 'control_dela'; did you mean 'control_delay'?"),
-        ({"effects": "control_delay", "effect_size": "huge"}, "effect_size must be one of small, large, got 'huge'"),
-        ({"object": "rope"}, "object must be one of sheet, ellipsoid, box"),
+        pytest.param(
+            {"effects": "control_delay", "effect_size": "huge"},
+            "effect_size must be one of small, large, got 'huge'",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param({"object": "rope"}, "object must be one of sheet, ellipsoid, box", marks=pytest.mark.slow),
         ({"effect_parameters": '\'{"control_delay": {"delay": 1}}\''}, "'control_delay', which is not in effects"),
     ],
 )

@@ -127,6 +127,7 @@ def test_what_a_validation_episode_refutes_does_not_show():
     assert [each.name for each in found["control_delay"].criteria if not each.passed] == ["validation"]
 
 
+@pytest.mark.slow
 def test_a_grip_may_slip_in_some_motions_only():
     fitted, validation = observed("grasp_slip")[:2], observed()[2]
     assert [each.name for each in measured(fitted, [validation]) if each.shows] == ["grasp_slip"]

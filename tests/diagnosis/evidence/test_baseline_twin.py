@@ -25,7 +25,7 @@ def test_the_baseline_explains_more_than_the_twin_and_all_else_it_was_chosen_fro
     assert baseline.fitted.loss < min(of_others)
 
 
-@pytest.mark.parametrize(("starts", "runners_up"), [(1, 0), (2, 1), (4, 1)])
+@pytest.mark.parametrize(("starts", "runners_up"), [(1, 0), (2, 1), pytest.param(4, 1, marks=pytest.mark.slow)])
 def test_of_the_starts_half_go_on_until_two_or_three_are_left(observations, starts, runners_up):
     baseline = fit_baseline(observations, sheet(), starts=starts, iterations=0)
     assert len(baseline.others) == 2 + runners_up

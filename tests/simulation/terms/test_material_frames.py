@@ -117,7 +117,13 @@ def test_material_frames_are_turned_to_where_least_is_stored(curvature: tuple[fl
     assert angles == pytest.approx(expected, abs=0.01 * np.abs(expected).max() + 1e-3)
 
 
-@pytest.mark.parametrize("curvature", [(0.0, 0.0), (2.0, -1.0)], ids=["twist alone", "intrinsic curvature"])
+@pytest.mark.parametrize(
+    "curvature",
+    [
+        pytest.param((0.0, 0.0), id="twist alone", marks=pytest.mark.slow),
+        pytest.param((2.0, -1.0), id="intrinsic curvature"),
+    ],
+)
 def test_forces_are_the_slopes_of_what_is_stored(curvature: tuple[float, float]) -> None:
     """On nodes that are not a clamp's; those of one say how its material frame is held."""
     line = wound_line()

@@ -11,7 +11,7 @@ from egophys_core.diagnosis.evidence.linear_problem import LinearProblem, fit, f
 from egophys_core.diagnosis.evidence.refit import refit
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe, residuals
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
-from egophys_core.diagnosis.hypotheses.ranking import probe_effects
+from egophys_core.diagnosis.hypotheses.ranking import evenly_chosen, probe_effects
 from egophys_core.effects import LIBRARY
 from egophys_core.episode import Episode
 from egophys_core.kinds import kind_of
@@ -20,8 +20,11 @@ from egophys_core.twin import ObjectModel
 REFITTED, REFIT_STEPS = 5, 3
 """Of the better half of the other twins so many, evenly chosen, are refitted by so many steps where that is asked."""
 
-STARTS = 3
-"""Of an effect that are looked at: the middle one counts, and there are a dozen in each of some dozen motions."""
+VARIANTS = 12
+"""Other twins, evenly chosen of some three dozen, of which the middle one counts where they are not refitted."""
+
+STARTS, STARTS_OF_CHOSEN = 1, 3
+"""Of an effect that are looked at, the middle one of which counts; more where twins are refitted."""
 
 
 def limits_in(
@@ -40,7 +43,8 @@ def limits_in(
         effects: names.
         needed_gain: in log-likelihood.
         least_scale: metres, residuals that the twin has at least.
-        refitted: whether other twins are refitted to the prediction, as a diagnosis would: some ten times the time.
+        refitted: whether other twins are refitted to the prediction, as a diagnosis would, and more of them and of the
+            effects' starts are looked at: some ten times the time.
     """
     observations = [observe(model, episode)]
     fitted = refit(observations, model, baseline_parameters(model), iterations=0, scale=least_scale)
@@ -52,7 +56,7 @@ def limits_in(
         fitted.residuals,
         without=LIBRARY.keys() - set(effects),
         progress=lambda share: None,
-        most_starts=STARTS,
+        most_starts=STARTS_OF_CHOSEN if refitted else STARTS,
     )
     return detection_limits(problem, probes, needed_gain=needed_gain)
 
@@ -69,6 +73,8 @@ def _mismatch(
     little as can be.
     """
     others = kind_of(model).variants(model)
+    if not refitted:
+        others = evenly_chosen(others, VARIANTS)
     if not others:
         return np.zeros_like(problem.residual)
     columns = free_columns(problem.baseline)
@@ -79,7 +85,7 @@ def _mismatch(
     order = np.argsort([_size(each) for each in left])
     if refitted:
         better = order[: len(order) // 2]
-        chosen = better[np.linspace(0, len(better) - 1, min(REFITTED, len(better))).astype(int)]
+        chosen = evenly_chosen(list(better), REFITTED)
         left = [
             problem.column(
                 refit(

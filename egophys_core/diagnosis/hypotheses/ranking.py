@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from egophys_core.diagnosis.evidence.refit import secant_of
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.effects import LIBRARY, Effect, Surroundings
 from egophys_core.twin import ObjectModel
+
+Item = TypeVar("Item")
 
 LEAST_SHIFT = 0.15
 """Share of an episode by which a surrogate is at least shifted."""
@@ -136,7 +138,7 @@ def probe_effects(
     """
     around = surroundings(model, observations)
     effects = [effect for effect in LIBRARY.values() if effect.name not in without]
-    starts = {effect.name: _evenly_chosen(effect.starts(around), most_starts) for effect in effects}
+    starts = {effect.name: evenly_chosen(effect.starts(around), most_starts) for effect in effects}
     planned = {effect.name: simulated_starts(effect, around, starts[effect.name]) for effect in effects}
     secant = secant_of(observations)
     models = [
@@ -168,10 +170,13 @@ def _finite(slopes: np.ndarray) -> np.ndarray:
     return np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
 
 
-def _evenly_chosen(starts: list[dict[str, float]], most: int | None) -> list[dict[str, float]]:
-    if most is None or len(starts) <= most:
-        return starts
-    return [starts[row] for row in np.linspace(0, len(starts) - 1, most).round().astype(int)]
+def evenly_chosen(items: list[Item], most: int | None) -> list[Item]:
+    """At most so many, the first and the last among them; of one alone that is the middle one."""
+    if most is None or len(items) <= most:
+        return items
+    if most == 1:
+        return [items[len(items) // 2]]
+    return [items[row] for row in np.linspace(0, len(items) - 1, most).round().astype(int)]
 
 
 def simulated_starts(

@@ -18,8 +18,9 @@ def test_of_many_starts_some_are_probed_evenly_and_do_what_they_do_among_all():
             observations, sheet(), found, without=others, most_starts=most, progress=lambda share: None
         )
 
-    some, every = probed(3), probed(None)
+    one, some, every = probed(1), probed(3), probed(None)
     starts = LIBRARY["hidden_tether"].starts(surroundings(sheet(), observations))
+    assert [each.start for each in one] == [starts[len(starts) // 2]]
     assert [each.start for each in some] == [starts[0], starts[len(starts) // 2], starts[-1]]
     among_all = {tuple(each.start.values()): each.slopes[0] for each in every}
     for each in some:

@@ -41,8 +41,9 @@ MOST_ASKED = 2
 PASSIVE = (Motion.LIFT, Motion.PULL)
 """What was recorded before anything was asked."""
 
-JUDGED_ON = Motion.DOUBLE_LIFT
-"""A motion that has no part in a diagnosis: errors are reported on it."""
+JUDGED_ON = (Motion.DOUBLE_LIFT, Motion.FOLD, Motion.SHAKE, Motion.DOUBLE_PULL)
+"""Motions that have no part in a diagnosis: errors are reported on them, on the first one apart. A sheet crumples there
+one way or the other, whatever the effect is; the others say whether what follows from a name is worth more."""
 
 NONE_SETS = 40
 
@@ -112,7 +113,9 @@ def measure(case: AskedCase) -> dict[str, Any]:
     options = RehearsalOptions(object=RehearsalObject(case.object), points=POINTS)
     handle = partial(rehearse, options, effects=case.effects, object_seed=case.seed)
     episodes = [handle(motion, seed=10 * case.seed + index) for index, motion in enumerate(PASSIVE)]
-    judged_on = handle(JUDGED_ON, seed=10 * case.seed + len(PASSIVE))
+    # Up to two motions that are asked for have the seeds after the first of them.
+    seeds = [len(PASSIVE), *range(len(PASSIVE) + 1 + MOST_ASKED, len(PASSIVE) + MOST_ASKED + len(JUDGED_ON))]
+    judged_on = [handle(motion, seed=10 * case.seed + index) for motion, index in zip(JUDGED_ON, seeds, strict=True)]
     twin = build(episodes, FIT, seed=0)
 
     def world(proposal: Proposal, number: int) -> Episode:
@@ -123,9 +126,10 @@ def measure(case: AskedCase) -> dict[str, Any]:
         )
 
     started = time.monotonic()
-    answer = diagnose_and_ask(twin, episodes, DIAGNOSIS, world, most=MOST_ASKED, limits=PERSON, report_on=[judged_on])
+    answer = diagnose_and_ask(twin, episodes, DIAGNOSIS, world, most=MOST_ASKED, limits=PERSON, report_on=judged_on)
     diagnosis = answer.finding.diagnosis
-    judged = next(each for each in diagnosis.error if each.episode == judged_on.name)
+    errors = {each.episode: each for each in diagnosis.error}
+    first_judged, *others = (errors[each.name] for each in judged_on)
     first = answer.asked[0].before.diagnosis if answer.asked else diagnosis
     return {
         **asdict(case),
@@ -139,8 +143,12 @@ def measure(case: AskedCase) -> dict[str, Any]:
         "limit": limit_of(diagnosis.limits, case.effect),
         "passive_limit": limit_of(first.limits, case.effect),
         "planted": injected_size(case),
-        "track_before_m": judged.track_before_m,
-        "track_after_m": judged.track_after_m,
+        "track_before_m": first_judged.track_before_m,
+        "track_after_m": first_judged.track_after_m,
+        "others": [
+            {"motion": str(motion), "track_before_m": each.track_before_m, "track_after_m": each.track_after_m}
+            for motion, each in zip(JUDGED_ON[1:], others, strict=True)
+        ],
         "p_null": least_p(diagnosis),
         "limits": [asdict(each) for each in diagnosis.limits],
         "candidates": diagnosis.as_dict()["candidates"][:5],

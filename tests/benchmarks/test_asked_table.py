@@ -37,3 +37,15 @@ def test_names_beside_the_right_one_are_counted_apart():
     assert "4 of 5 large ones after asking (0 before)" in counts
     assert "beside it something that was not injected: 2." in counts
     assert "invented in 1 of 2 sets" in counts
+
+
+def test_errors_on_all_motions_that_had_no_part_are_told_of_right_names():
+    other = {"motion": "fold", "track_before_m": 0.04, "track_after_m": 0.005}
+    rows = [
+        {**row("quadratic_drag", "named", "quadratic_drag"), "others": [other]},
+        {**row("grasp_slip", "none"), "others": [{**other, "track_before_m": 1.0}]},
+    ]
+    counts, lines = asked_table({"rows": rows}, {}).split("\n\n")
+    assert "by 20.0, 10.0 mm before and after (2 of 1 sets, geometric mean)" in counts
+    assert "10.0, 20.0" in lines
+    assert "40.0, 5.0" in lines

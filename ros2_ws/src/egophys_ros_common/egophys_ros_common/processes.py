@@ -27,7 +27,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 
-APPEAR_TIMEOUT = 30.0
+APPEAR_TIMEOUT = 60.0
 """For a process to start and its services to be discovered."""
 ANSWER_TIMEOUT = 30.0
 """For a service call, or a goal's acceptance."""
@@ -35,7 +35,7 @@ REPLY_PATH_TIME = 0.2
 """For a server to discover a new client, which the client cannot see; a reply before that is lost."""
 ATTEMPTS = 3
 """Requests sent within `ANSWER_TIMEOUT` before a node counts as not answering."""
-MESSAGE_TIMEOUT = 20.0
+MESSAGE_TIMEOUT = 60.0
 """For a message on a topic."""
 RESULT_TIMEOUT = 120.0
 """For the result of an action."""

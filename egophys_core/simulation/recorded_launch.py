@@ -4,6 +4,8 @@ from typing import Any
 
 import warp as wp
 
+from egophys_core.simulation.kernel_loading import KERNEL_LOADING
+
 
 class RecordedLaunch:
     """Launches a kernel again and again. Packing arguments with structs in them takes longer than a small kernel.
@@ -21,14 +23,16 @@ class RecordedLaunch:
         """Launch; a struct whose own fields were set since is not packed anew, but one in its place is."""
         if self._launch is None:
             self._arguments = list(arguments)
-            self._launch = wp.launch(
-                self._kernel,
-                dim=self._dim,
-                inputs=self._arguments,
-                device=self._device,
-                record_tape=False,
-                record_cmd=True,
-            )
+            # What is recorded is where the kernel's code lies: it must not be loaded again meanwhile.
+            with KERNEL_LOADING:
+                self._launch = wp.launch(
+                    self._kernel,
+                    dim=self._dim,
+                    inputs=self._arguments,
+                    device=self._device,
+                    record_tape=False,
+                    record_cmd=True,
+                )
         for index, (last, argument) in enumerate(zip(self._arguments, arguments, strict=True)):
             if argument is not last:
                 self._launch.set_param_at_index(index, argument)

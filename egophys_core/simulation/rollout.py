@@ -5,7 +5,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
-from threading import Lock
 
 import numpy as np
 import warp as wp
@@ -21,6 +20,7 @@ from egophys_core.simulation.effect_rates import EffectRates
 from egophys_core.simulation.engine import Engine
 from egophys_core.simulation.extremes import find_extremes
 from egophys_core.simulation.frames import into_record, into_record_directions
+from egophys_core.simulation.kernel_loading import KERNEL_LOADING
 from egophys_core.simulation.power_iteration import iterate_power
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, stable_substeps
 from egophys_core.simulation.step import frame_kernel
@@ -29,10 +29,6 @@ from egophys_core.simulation.terms.material_frames import settle_material_frames
 
 KERNELS = (bound_clusters, find_extremes, iterate_power, predict_stiffness, settle_material_frames)
 """One of each module that an engine launches beside a frame's own."""
-
-_LOADING = Lock()
-"""Held while kernels are made and loaded. Of two threads that load one module the second would unload what the first
-already runs, and the process would end."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +73,7 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
     if not wp.get_device(device).is_cpu:
         return in_frames(_run(batch, longest_substep, device), batch.frames)
     # Loaded here, before threads ask for it at the same time.
-    with _LOADING:
+    with KERNEL_LOADING:
         for kernel in (frame_kernel(effect_terms(batch)), *KERNELS):
             wp.load_module(kernel.module, device=device)
     groups = group_count(batch.count)

@@ -1,6 +1,8 @@
 """Many rollouts at once: what they share must not show."""
 
 import dataclasses
+import subprocess
+import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -172,6 +174,28 @@ def test_rollouts_must_share_their_times():
     controls = [idle_controls(frame_times(0.1, 1 / 30)), idle_controls(frame_times(0.2, 1 / 30))]
     with pytest.raises(SimulationError, match="controls of rollout 1 differ from rollout 0"):
         batch_of_models(models, controls, ground_height=0.0)
+
+
+FIRST_IN_THREADS = """
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+from egophys_core.simulation import batch_of_models, rollout
+from tests.simulation.scenes import frame_times, idle_controls, sheet_model
+
+sheet = sheet_model()
+sheet = replace(sheet, parameters=replace(sheet.parameters, collision_distance=0.01))
+batch = batch_of_models([sheet] * 16, [idle_controls(frame_times(0.3, 1 / 30))] * 16, ground_height=0.0)
+with ThreadPoolExecutor(6) as pool:
+    ends = list(pool.map(lambda _: rollout(batch).positions.sum(), range(12)))
+assert len(set(ends)) == 1
+"""
+
+
+def test_the_first_rollouts_of_a_process_may_be_in_threads():
+    """Where they loaded a module each, nine of ten processes ended with a segmentation fault."""
+    ended = subprocess.run([sys.executable, "-c", FIRST_IN_THREADS], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
 
 
 def test_threads_load_kernels_one_after_the_other(monkeypatch):

@@ -181,9 +181,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from egophys_core.simulation import batch_of_models, rollout
-from tests.simulation.scenes import frame_times, idle_controls, sheet_model
+from tests.identification.synthetic import known_model, sheet_shape
+from tests.simulation.scenes import frame_times, idle_controls
 
-sheet = sheet_model()
+sheet = known_model(sheet_shape(6))
 sheet = replace(sheet, parameters=replace(sheet.parameters, collision_distance=0.01))
 batch = batch_of_models([sheet] * 16, [idle_controls(frame_times(0.3, 1 / 30))] * 16, ground_height=0.0)
 with ThreadPoolExecutor(6) as pool:
@@ -193,7 +194,7 @@ assert len(set(ends)) == 1
 
 
 def test_the_first_rollouts_of_a_process_may_be_in_threads():
-    """Where they loaded a module each, nine of ten processes ended with a segmentation fault."""
+    """Where each loaded what it met, up to nine of ten processes ended with a segmentation fault."""
     ended = subprocess.run([sys.executable, "-c", FIRST_IN_THREADS], capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
 

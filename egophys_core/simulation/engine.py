@@ -29,6 +29,7 @@ from egophys_core.simulation.device_arrays import (
 )
 from egophys_core.simulation.effect_arrays import effect_arrays, effect_terms, memory_count
 from egophys_core.simulation.effect_rates import EffectRates
+from egophys_core.simulation.engine_kernels import load_kernels
 from egophys_core.simulation.extremes import find_extremes
 from egophys_core.simulation.frame_advance import frame_advance
 from egophys_core.simulation.frames import into_record, into_world_directions
@@ -105,6 +106,7 @@ class Engine:
         self.rods = rod_arrays(batch.rods, device)
         self.nudging = nudging_arrays(batch, device)
         self.terms = effect_terms(batch)
+        load_kernels(self.terms, device)
         self.effects = effect_arrays(batch, device, requires_grad=requires_grad)
         self.effect_rates = EffectRates(batch)
         self.codebook = None if batch.codebook is None else DeviceCodebook(batch, batch.codebook, device)

@@ -14,21 +14,10 @@ from egophys_core.cores import usable_cores
 from egophys_core.errors import SimulationError
 from egophys_core.lanes import LANES, group_count
 from egophys_core.simulation.batch import RolloutBatch
-from egophys_core.simulation.collision.pair_search import bound_clusters
-from egophys_core.simulation.effect_arrays import effect_terms
 from egophys_core.simulation.effect_rates import EffectRates
 from egophys_core.simulation.engine import Engine
-from egophys_core.simulation.extremes import find_extremes
 from egophys_core.simulation.frames import into_record, into_record_directions
-from egophys_core.simulation.kernel_loading import KERNEL_LOADING
-from egophys_core.simulation.power_iteration import iterate_power
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, stable_substeps
-from egophys_core.simulation.step import frame_kernel
-from egophys_core.simulation.terms.codebook import predict_stiffness
-from egophys_core.simulation.terms.material_frames import settle_material_frames
-
-KERNELS = (bound_clusters, find_extremes, iterate_power, predict_stiffness, settle_material_frames)
-"""One of each module that an engine launches beside a frame's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,10 +61,6 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
     """
     if not wp.get_device(device).is_cpu:
         return in_frames(_run(batch, longest_substep, device), batch.frames)
-    # Loaded here, before threads ask for it at the same time.
-    with KERNEL_LOADING:
-        for kernel in (frame_kernel(effect_terms(batch)), *KERNELS):
-            wp.load_module(kernel.module, device=device)
     groups = group_count(batch.count)
     workers = min(groups, usable_cores())
     # Rollouts with similar substeps share a lane group: it runs as many as the one that needs most. Of those that need

@@ -1,4 +1,4 @@
-"""A sheet whose folding is damped more, or less, than assumed."""
+"""A sheet whose folding is damped more than its twin can be."""
 
 from dataclasses import replace
 
@@ -20,10 +20,10 @@ def starts(surroundings: Surroundings) -> list[dict[str, float]]:
 
 EFFECT = Effect(
     name="bending_damping",
-    summary="a sheet whose folding is damped by another amount; solids have no bending springs and do not change",
+    summary="a sheet whose folding is damped more; solids have no bending springs and do not change",
     equation="F = -factor c_bending (v_i - v_j)",
     source="Bridson, Marino and Fedkiw, Symp. on Computer Animation (2003) 28: damping of bending apart from stretch",
-    parameters=(Parameter(name="factor", unit="1", low=0.02, high=50.0, step=0.5, null=1.0, logarithmic=True),),
+    parameters=(Parameter(name="factor", unit="1", low=1.0, high=50.0, step=0.5, null=1.0, logarithmic=True),),
     traits=Traits(
         confounders=("quadratic_drag", "viscoelasticity", "hysteresis"),
         experiment="flick a corner that hangs still and watch how long it flutters: bending dies out, the "

@@ -15,6 +15,7 @@ from egophys_core.effects import LIBRARY
 from tests.diagnosis.cantilever import body_and_model
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
 from tests.effects.situations import solid
+from tests.identification.synthetic import make_episode
 
 
 @pytest.mark.parametrize("index", range(len(baseline_parameters(sheet()))))
@@ -53,6 +54,15 @@ def test_a_refit_without_hope_ends_after_its_first_steps():
         for loss in (0.0, np.inf)
     ]
     assert ends[1] < ends[0]
+
+
+def test_a_sheet_that_damps_its_bending_less_than_its_twin_assumed_is_refitted_so():
+    (ratio,) = [each for each in baseline_parameters(sheet()) if each.definition.name == "bending_damping_ratio"]
+    assumed = ratio.read(sheet())
+    assert ratio.definition.high == assumed
+    episode = make_episode(ratio.write(sheet(), 1.0), name="flick", duration=3.2, carry=(-0.15, 0.12, 0.2))
+    fitted = refit([observe(sheet(), episode)], sheet(), [ratio], iterations=8)
+    assert ratio.read(fitted.model) == pytest.approx(1.0, rel=0.5)
 
 
 def test_only_cloth_may_give_way_when_it_is_pressed():

@@ -4,9 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from egophys_core.diagnosis.diagnose import Finding, diagnose
-from egophys_core.diagnosis.diagnosis import Outcome
+from egophys_core.diagnosis.diagnosis import NamedEffect, Outcome
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.effects import effect_named
 from egophys_core.errors import PlanningError
 from egophys_core.experiments.choice import Proposal, choose
 from egophys_core.experiments.family import HandLimits
@@ -120,8 +121,28 @@ def diagnose_and_ask(
 
 
 def is_decided(finding: Finding) -> bool:
-    """Whether a diagnosis names what the twin lacks, and nothing beside it is left open."""
-    return finding.diagnosis.outcome is Outcome.NAMED
+    """Whether a diagnosis names what the twin lacks, and no motion would tell more.
+
+    Effects that are one thing in every motion, as a steady force to the side and a tilted gravity, are all that can be
+    said. To ask on would be for motions in which they look different because nothing is followed there: after two such
+    swings a tilt was lost that had been found.
+    """
+    diagnosis = finding.diagnosis
+    open_ones = set(rivals(diagnosis.as_dict()))
+    return diagnosis.outcome is Outcome.NAMED or (
+        bool(open_ones) and _are_one_thing([each for each in diagnosis.effects if each.name in open_ones])
+    )
+
+
+def _are_one_thing(effects: Sequence[NamedEffect]) -> bool:
+    """Whether effects, with the values that were found, are the same in every motion."""
+    names = {each.name for each in effects}
+    for each in effects:
+        traits = effect_named(each.name).traits
+        values = {name: estimate.value for name, estimate in each.parameters.items()}
+        if not (names - {each.name} <= set(traits.equivalent_to) and traits.is_horizontal(values)):
+            return False
+    return True
 
 
 def next_motion(

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.diagnosis import DetectionLimit, Outcome
+from egophys_core.diagnosis.diagnosis import DetectionLimit, Estimate, NamedEffect, Outcome
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.errors import PlanningError
 from egophys_core.experiments import PERSON, asking, diagnose_and_ask
@@ -53,6 +53,26 @@ def test_what_is_decided_is_not_asked_about(monkeypatch):
     answer = MadeUpLab(monkeypatch, Outcome.NAMED).answer()
     assert answer.asked == ()
     assert answer.ended == "it is decided"
+
+
+@pytest.mark.parametrize(("upward", "decided"), [(0.02, True), (2.5, False)])
+def test_what_is_one_thing_in_every_motion_is_decided(upward, decided):
+    tilt = named("gravity_tilt", about_x=0.1, about_y=0.13)
+    force = named("constant_body_force", x=1.27, y=-0.98, z=upward)
+    found = make_diagnosis(outcome=Outcome.AMBIGUOUS, effects=(tilt, force))
+    assert asking.is_decided(SimpleNamespace(diagnosis=found)) is decided
+
+
+def test_what_another_motion_would_tell_apart_is_not_decided():
+    drag, slip = named("quadratic_drag", coefficient=3.8), named("grasp_slip", x=0.0, y=0.0, z=0.01, onset=2.0)
+    found = make_diagnosis(outcome=Outcome.AMBIGUOUS, effects=(drag, slip))
+    assert not asking.is_decided(SimpleNamespace(diagnosis=found))
+
+
+def named(name, **values):
+    """An effect as a diagnosis names it."""
+    estimates = {each: Estimate(value=value, unit="1", ci95=(value, value)) for each, value in values.items()}
+    return NamedEffect(name=name, parameters=estimates, episodes_agree=True)
 
 
 def test_it_asks_until_it_is_decided_and_fits_what_it_asked_for_first(monkeypatch):

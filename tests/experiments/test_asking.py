@@ -91,6 +91,13 @@ def test_every_diagnosis_knows_the_loads_and_how_often_was_asked(monkeypatch):
     assert lab.told == [(0, {"lift": 0.5}), (1, {"lift": 0.5})]
 
 
+def test_it_says_which_names_what_was_asked_for_did_not_support(monkeypatch):
+    lab = MadeUpLab(monkeypatch, Outcome.NAMED, Outcome.NONE)
+    monkeypatch.setattr(asking, "is_decided", lambda finding: False)
+    answer = lab.answer(most=1)
+    assert answer.ended.endswith("; with what was asked for quadratic_drag is not named any more")
+
+
 def test_it_asks_no_oftener_than_allowed_and_nobody_without_a_world(monkeypatch):
     answer = MadeUpLab(monkeypatch, Outcome.NONE, Outcome.NONE).answer(most=1)
     assert len(answer.asked) == 1

@@ -65,7 +65,7 @@ def _counts(injected: Rows, nothing: Rows) -> str:
         every = [each for row in predicted for each in (row, *row["others"])]
         better = (
             f" What follows from a right name misses motions that had no part in it by {_before_and_after(every)} mm "
-            f"before and after ({len(every)} of {len(predicted)} sets, geometric mean)."
+            f"before and after (sets: {len(predicted)}, errors: {len(every)}, geometric mean)."
         )
     return (
         f"Named right, or in a complete ambiguous set: {' and '.join(parts)}; beside it something that was not "

@@ -46,6 +46,6 @@ def test_errors_on_all_motions_that_had_no_part_are_told_of_right_names():
         {**row("grasp_slip", "none"), "others": [{**other, "track_before_m": 1.0}]},
     ]
     counts, lines = asked_table({"rows": rows}, {}).split("\n\n")
-    assert "by 20.0, 10.0 mm before and after (2 of 1 sets, geometric mean)" in counts
+    assert "by 20.0, 10.0 mm before and after (sets: 1, errors: 2, geometric mean)" in counts
     assert "10.0, 20.0" in lines
     assert "40.0, 5.0" in lines

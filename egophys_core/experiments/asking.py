@@ -124,7 +124,7 @@ def _lost(asked: Sequence[Asked], finding: Finding) -> str:
     """What to add to the end of a loop of effects that were named on the way and are not any more."""
     named = {each.name for each in finding.diagnosis.effects}
     before = {each.name: None for one in asked for each in one.before.diagnosis.effects if each.name not in named}
-    return f"; with what was asked for {', '.join(before)} is not named any more" if before else ""
+    return f"; no longer named with what was asked for: {', '.join(before)}" if before else ""
 
 
 def is_decided(finding: Finding) -> bool:

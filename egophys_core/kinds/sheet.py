@@ -16,7 +16,7 @@ from egophys_core.kinds.spring_body import (
     stiffness_of_springs,
 )
 from egophys_core.kinds.surface_faces import faces_of_sheet, nodes_across
-from egophys_core.twin import ObjectModel, SpringKind
+from egophys_core.twin import ObjectModel, PhysicalParameters, SpringKind
 
 NAME = "sheet"
 
@@ -106,13 +106,13 @@ def fitted_parameters(model: ObjectModel) -> tuple[FittedParameter, ...]:
     in its twin after one). More than assumed is an effect.
     """
     node_mass = model.parameters.total_mass / len(model.graph.positions)
-    assumed = model.parameters.bending_damping_ratio
+    assumed = max(model.parameters.bending_damping_ratio, PhysicalParameters.bending_damping_ratio)
     in_air = (fitted("drag", 0.0, 20.0, 0.2, unit="1/s"),) if model.parameters.drag > 0.0 else ()
     return (
         *fitted_of_springs(model, most_damping=MOST_DAMPING),
         stiffness_of_springs("bending stiffness", SpringKind.BENDING, 1.0 * node_mass, 1e5 * node_mass),
         fitted("compression_ratio", 0.05, 1.0, 0.3, logarithmic=True),
-        fitted("bending_damping_ratio", 0.02, max(assumed, 20.0), 0.5, logarithmic=True),
+        fitted("bending_damping_ratio", 0.02, assumed, 0.5, logarithmic=True),
         *in_air,
     )
 

@@ -95,7 +95,7 @@ def test_it_says_which_names_what_was_asked_for_did_not_support(monkeypatch):
     lab = MadeUpLab(monkeypatch, Outcome.NAMED, Outcome.NONE)
     monkeypatch.setattr(asking, "is_decided", lambda finding: False)
     answer = lab.answer(most=1)
-    assert answer.ended.endswith("; with what was asked for quadratic_drag is not named any more")
+    assert answer.ended.endswith("; no longer named with what was asked for: quadratic_drag")
 
 
 def test_it_asks_no_oftener_than_allowed_and_nobody_without_a_world(monkeypatch):

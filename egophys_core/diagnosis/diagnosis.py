@@ -50,6 +50,11 @@ class NamedEffect:
     episodes_agree: bool
     """Whether each episode alone asks for the same parameters, within their intervals."""
 
+    @property
+    def values(self) -> dict[str, float]:
+        """The parameters without their intervals."""
+        return {name: each.value for name, each in self.parameters.items()}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:

@@ -143,13 +143,12 @@ def is_decided(finding: Finding) -> bool:
 
 def _are_one_thing(effects: Sequence[NamedEffect]) -> bool:
     """Whether effects, with the values that were found, are the same in every motion."""
-    names = {each.name for each in effects}
-    for each in effects:
-        traits = effect_named(each.name).traits
-        values = {name: estimate.value for name, estimate in each.parameters.items()}
-        if not (names - {each.name} <= set(traits.equivalent_to) and traits.is_horizontal(values)):
-            return False
-    return True
+    traits = {each.name: effect_named(each.name).traits for each in effects}
+    return all(
+        traits.keys() - {each.name} <= set(traits[each.name].equivalent_to)
+        and traits[each.name].is_horizontal(each.values)
+        for each in effects
+    )
 
 
 def next_motion(

@@ -2,7 +2,8 @@
 
 An effect acts in one or more places: it adds forces to nodes (`node_force`) or changes the law of springs
 (`spring_law`), both in every substep, as functions of Warp; it changes the body before a rollout (`adapt`), how the
-hands moved (`drive`, `clock`), or the frame in which all of it was recorded (`frame`), as functions of NumPy.
+hands moved (`drive`, `clock`), what slides through them (`slide`), or the frame in which all of it was recorded
+(`frame`), as functions of NumPy.
 """
 
 from collections.abc import Callable
@@ -135,6 +136,9 @@ class Effect:
     drive: Callable[[Values, np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None
     """From values, times [F], controllers [F, C, 3] and whether they hold [F, C] to where the hands truly were,
     [F, C, 3] metres."""
+    slide: Callable[[Values, np.ndarray, np.ndarray, np.ndarray], np.ndarray] | None = None
+    """From values, times [F] at which frames begin and [F] at which they end, and what pulls on each hand as they begin
+    [F, C, 3], over the object's weight, to how far what is held slides through it in them, [F, C, 3] metres."""
     frame: Callable[[Values], np.ndarray] | None = None
     """From values to the rotation [3, 3] from the world, upright and with a level table, to the frame of the record."""
     plumb: Callable[[Values], np.ndarray] | None = None

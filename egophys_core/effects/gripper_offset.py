@@ -3,22 +3,18 @@
 import numpy as np
 
 from egophys_core.effects.effect import Effect, Parameter, Surroundings, Values
-from egophys_core.effects.hands import HAND_SIZE, turns
+from egophys_core.effects.hands import hands_of, turns
 from egophys_core.effects.traits import Need, Traits
-
-FRAMES_APART = 10
-"""Frames between those in which points are compared to tell which belong to one hand."""
 
 
 def drive(values: Values, times: np.ndarray, controllers: np.ndarray, holds: np.ndarray) -> np.ndarray:
     """The hands moved by an offset that turns with them; its axes are the world's in the first frame."""
     offset = np.array([values["x"], values["y"], values["z"]])
     moved = controllers.copy()
-    apart = controllers[::FRAMES_APART]
-    together = (np.linalg.norm(apart[:, :, None] - apart[:, None], axis=3) < HAND_SIZE).all(axis=0)
-    hands, hand_of = np.unique(together, axis=0, return_inverse=True)
-    for index, hand in enumerate(hands):
-        moved[:, hand_of == index] += (turns(controllers[:, hand]) @ offset)[:, None]
+    hands = hands_of(controllers)
+    for hand in np.unique(hands):
+        own = hands == hand
+        moved[:, own] += (turns(controllers[:, own]) @ offset)[:, None]
     return moved
 
 

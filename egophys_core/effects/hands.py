@@ -9,6 +9,17 @@ LEAST_WIDTH = 0.003
 """Metres: points of a hand that spread less than this across their line say nothing of how it turns."""
 
 
+FRAMES_APART = 10
+"""Frames between those in which points are compared to tell which belong to one hand."""
+
+
+def hands_of(controllers: np.ndarray) -> np.ndarray:
+    """[C] the number of the hand that each of the controller points [F, C, 3], metres, belongs to."""
+    apart = controllers[::FRAMES_APART]
+    together = (np.linalg.norm(apart[:, :, None] - apart[:, None], axis=3) < HAND_SIZE).all(axis=0)
+    return np.asarray(np.unique(together, axis=0, return_inverse=True)[1]).reshape(-1)
+
+
 def turns(points: np.ndarray) -> np.ndarray:
     """[F, 3, 3] rotations of points [F, P, 3] from the first frame to each, by least squares (Kabsch, 1976).
 

@@ -15,6 +15,11 @@ Nudging = Callable[[float, np.ndarray], tuple[np.ndarray, np.ndarray]]
 [K, N, 3], m/s^2, there, and drags [N], 1/s. What it says of one rollout must not depend on the others."""
 
 
+Slide = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""From times at which frames begin and end [F], seconds, and what pulls on hands as they begin [F, C, 3], over the
+object's weight, to how far what is held slides through them [F, C, 3], metres (`Effect.slide` with its values)."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class BatchEffect:
     """An effect that acts in every substep, with its numbers in each rollout of a batch."""
@@ -114,6 +119,8 @@ class RolloutBatch:
     """World z of the table, metres."""
     effects: tuple[BatchEffect, ...] = ()
     """What acts in every substep beyond the base simulator, no effect twice."""
+    slides: tuple[tuple[Slide, ...], ...] | None = None
+    """Per rollout the laws by which grips slip; None where none of them does."""
     across: np.ndarray = field(default_factory=lambda: np.zeros((0, 4), np.int32))
     """[N, 4] int32: nodes across each node of thin objects, whose normal is (x_1 - x_0) x (x_3 - x_2) there; [0, 4]
     where no rollout has added mass."""
@@ -196,6 +203,7 @@ class RolloutBatch:
             parameters=tuple(self.parameters[row] for row in rows),
             controls=tuple(self.controls[row] for row in rows),
             effects=tuple(effect.rows(rows) for effect in self.effects),
+            slides=None if self.slides is None else tuple(self.slides[row] for row in rows),
             codebook=None if self.codebook is None else self.codebook.rows(rows),
             rods=None if self.rods is None else self.rods.rows(rows),
             frames=None if self.frames is None else self.frames[rows],

@@ -1,7 +1,8 @@
 """Derivatives by the parameters of effects, from those by what a batch holds: the chain rule.
 
 An effect reaches the simulator through the arrays of a batch: numbers of its functions, stiffness, masses, hands,
-frames. These are made anew a little beside each parameter, in float64, which costs next to nothing.
+what slides through them, frames. These are made anew a little beside each parameter, in float64, which costs next to
+nothing.
 """
 
 from collections.abc import Sequence
@@ -87,6 +88,9 @@ def _along(gradient: Gradient, row: int, batch: RolloutBatch, at: int) -> float:
         for name in (*SPRING_NAMES, "masses", "positions", "velocities")
     )
     total += float((gradient.controls[row] * batch.controls[at].positions).sum())
+    times = batch.controls[at].times
+    for slide in () if batch.slides is None else batch.slides[at]:
+        total += float((gradient.slides[row] * slide(times[:-1], times[1:], gradient.pulls[row])).sum())
     for name in ADAPTED:
         total += float(gradient.parameters[name][row]) * getattr(batch.parameters[at], name)
     if batch.effects:

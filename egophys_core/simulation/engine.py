@@ -35,6 +35,7 @@ from egophys_core.simulation.frame_advance import frame_advance
 from egophys_core.simulation.frames import into_record, into_world_directions
 from egophys_core.simulation.host_access import HostAccess
 from egophys_core.simulation.integrator import FASTEST
+from egophys_core.simulation.sliding_grips import SlidingGrips
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, largest_eigenvalues, stable_substeps
 from egophys_core.simulation.substep import FrameInputs
 from egophys_core.simulation.terms.material_frames import settle_material_frames
@@ -95,6 +96,7 @@ class Engine:
         self.controller_velocities = np.gradient(self.controllers.astype(np.float64), self.times, axis=1)
         self.memory = (len(batch.springs) if memory_count(batch) else 0, memory_count(batch))
         """Springs, and how many numbers each of them remembers."""
+        self.sliding = None if batch.slides is None else SlidingGrips(batch)
         self.state = state_arrays(
             np.concatenate([batch.positions, self.controllers[:, 0]], axis=1),
             np.concatenate([batch.velocities, self.controller_velocities[:, 0]], axis=1),
@@ -149,6 +151,8 @@ class Engine:
         if self.effect_rates.follows or self.codebook is not None:
             segment = replace(segment, substeps=self._substeps(segment.durations, self._rates(segment)))
         self.segments.append(segment)
+        if self.sliding is not None:
+            self.sliding.slide(frame, self.node_positions(), segment.attachments)
         if self.batch.nudging is not None:
             self._nudge(float(self.times[frame]))
         if self.batch.rods is not None:
@@ -194,6 +198,12 @@ class Engine:
             "start_velocities": self.controller_velocities[rows, frames],
             "end_velocities": self.controller_velocities[rows, frames + 1],
         }
+        if self.sliding is not None:
+            slid, slides = self.sliding.before[rows, frames], self.sliding.within[rows, frames]
+            values["start_positions"] = values["start_positions"] + slid
+            values["end_positions"] = values["end_positions"] + slid + slides
+            for name in ("start_velocities", "end_velocities"):
+                values[name] = values[name] + slides / segment.durations[:, None, None]
         for name, value in values.items():
             self._host[name].write(pack(value))
         return FrameInputs(

@@ -21,6 +21,7 @@ from egophys_core.simulation.engine import Engine, Segment
 from egophys_core.simulation.frame_tape import FrameTape
 from egophys_core.simulation.frames import into_world_directions
 from egophys_core.simulation.rollout import Rollout, advance_all, in_frames
+from egophys_core.simulation.sliding_grips import SlidingGrips
 from egophys_core.simulation.substep import FrameInputs
 from egophys_core.simulation.terms.springs import SHORTEST_LENGTH
 
@@ -65,6 +66,10 @@ class Gradient:
     """[K, 4, 4] by the frames in which results are given, for what they do to these; zeros if all are the world."""
     controls: np.ndarray
     """[K, F, C, 3]."""
+    slides: np.ndarray
+    """[K, F - 1, C, 3] by how far what is held slides through hands in each frame; zeros where nothing does."""
+    pulls: np.ndarray
+    """[K, F - 1, C, 3] what pulled on them as the frames began, over the weight: what laws of sliding were told."""
     positions: np.ndarray
     """[K, N, 3], by the start positions."""
     velocities: np.ndarray
@@ -82,7 +87,7 @@ def differentiate(
     """Roll out a batch, and go back from its loss to everything it depends on.
 
     A rollout that diverges has zero gradient. Contacts are differentiated as they happened: which nodes hit the
-    table, which are held, and the number of substeps are taken as fixed.
+    table, which are held, where these pull to and the number of substeps are taken as fixed.
 
     Args:
         windows: into how many windows of frames each rollout is cut. Derivatives do not pass from a window to the one
@@ -140,6 +145,9 @@ class _BackwardPass:
         self.through_codebook = through_codebook
         self.rollouts = np.repeat(np.arange(count), windows)
         self.engine = Engine(forward.batch.rows(self.rollouts), forward.device, requires_grad=True)
+        self.sliding = SlidingGrips(forward.batch) if forward.sliding is None else forward.sliding
+        if forward.sliding is not None:
+            self.engine.sliding = forward.sliding.rows(self.rollouts)
         # [F - 1, K, N + C, 3] twice and [F - 1, K, E, M], at the start of each frame.
         self.positions, self.velocities, self.memory = (
             np.stack([unpack(values, count) for values in kept]) for kept in zip(*states, strict=True)
@@ -147,6 +155,8 @@ class _BackwardPass:
         self.nodes, self.controllers = self.engine.nodes, self.engine.controllers.shape[2]
         self.controls = np.zeros(forward.controllers.shape)
         self.control_velocities = np.zeros(forward.controllers.shape)
+        self.by_slid, self.by_slides = np.zeros_like(self.sliding.within), np.zeros_like(self.sliding.within)
+        """Derivatives by what had slid as each frame began, and by what slides in it, of that frame alone."""
         self.controller_stiffness, self.controller_damping = np.zeros(count), np.zeros(count)
         rows = len(self.rollouts)
         self.by_anchors = np.zeros(self.engine.batch.stiffness.shape)
@@ -329,13 +339,19 @@ class _BackwardPass:
 
     def _collect_controls(self, frames: np.ndarray) -> None:
         arrays, rows = self.engine.controller_arrays, len(self.rollouts)
-        for total, at, name in (
-            (self.controls, frames, "start_positions"),
-            (self.controls, frames + 1, "end_positions"),
-            (self.control_velocities, frames, "start_velocities"),
-            (self.control_velocities, frames + 1, "end_velocities"),
+        by = {name: unpack(getattr(arrays, name).grad.numpy(), rows) for name in MOTION_NAMES}
+        durations = (self.engine.times[frames + 1] - self.engine.times[frames])[:, None, None]
+        by_start, by_end = by["start_positions"], by["end_positions"]
+        by_velocity = (by["start_velocities"] + by["end_velocities"]) / durations
+        for total, at, values in (
+            (self.controls, frames, by_start),
+            (self.controls, frames + 1, by_end),
+            (self.control_velocities, frames, by["start_velocities"]),
+            (self.control_velocities, frames + 1, by["end_velocities"]),
+            (self.by_slid, frames, by_start + by_end),
+            (self.by_slides, frames, by_end + by_velocity),
         ):
-            np.add.at(total, (self.rollouts, at), unpack(getattr(arrays, name).grad.numpy(), rows))
+            np.add.at(total, (self.rollouts, at), values)
 
     def _collect_grips(self, segment: Segment) -> None:
         rows = len(self.rollouts)
@@ -409,6 +425,8 @@ class _BackwardPass:
             effects=total(engine.effects.numbers),
             frames=np.zeros((count, 4, 4)),
             controls=np.where(running[:, None, None, None], controls, 0.0),
+            slides=np.where(running[:, None, None, None], self.sliding.gradient(self.by_slid, self.by_slides), 0.0),
+            pulls=self.sliding.pulls,
             positions=positions,
             velocities=velocities,
         )

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from egophys_core.effects import TwinEffect, effect_named
 from egophys_core.effects.effect import Body, Effect
 from egophys_core.errors import SimulationError
 from egophys_core.kinds import kind_of, node_masses, resting_height
-from egophys_core.simulation.batch import BatchCodebook, BatchEffect, Rods, RolloutBatch
+from egophys_core.simulation.batch import BatchCodebook, BatchEffect, Rods, RolloutBatch, Slide
 from egophys_core.simulation.controls import ContactKind, Controls
 from egophys_core.simulation.frames import into_world, into_world_directions
 from egophys_core.simulation.terms.effects import LAW_NUMBERS
@@ -93,6 +94,7 @@ def batch_of_models(
         parameters=parameters,
         controls=tuple(as_they_were(each, model.effects, dtype) for model, each in zip(models, controls, strict=True)),
         effects=_in_every_substep(models, bodies, dtype),
+        slides=_slides(models),
         across=_across(first, parameters),
         codebook=_codebook(models, codes, union),
         rods=_bending(models, masses, np.stack(positions), controls, frames),
@@ -113,6 +115,15 @@ def _in_every_substep(
             if acts:
                 found.setdefault(term.name, {})[row] = acts.numbers(term.values, body)
     return tuple(_of_batch(effect_named(name), rows, len(models), dtype) for name, rows in found.items())
+
+
+def _slides(models: Sequence[ObjectModel]) -> tuple[tuple[Slide, ...], ...] | None:
+    """How grips of each model slip; None where none does."""
+    found = tuple(
+        tuple(partial(slide, term.values) for term in model.effects if (slide := effect_named(term.name).slide))
+        for model in models
+    )
+    return found if any(found) else None
 
 
 def _of_batch(effect: Effect, rows: dict[int, np.ndarray], count: int, dtype: Precision) -> BatchEffect:

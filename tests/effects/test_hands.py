@@ -14,34 +14,22 @@ from tests.simulation.scenes import frame_times, sheet_model
 HELD = np.ones((20, 3), bool)
 
 
-def slipped(values, path, holds):
-    """[F, C, 3] metres by which a slip moves hands along `path` [F, C, 3] that hold where `holds` [F] says."""
-    times, held = np.arange(len(path)) * FRAME, np.repeat(np.array(holds)[:, None], path.shape[1], axis=1)
-    return LIBRARY["grasp_slip"].drive(values, times, path, held) - path
-
-
 def straight(frames=20):
     """Three controllers that move along (0.3, 0, 0.6) m/s."""
     start = np.array([[0, 0, 0.1], [0.02, 0, 0.1], [0.5, 0, 0.1]])
     return start + (np.arange(frames) * FRAME)[:, None, None] * np.array([0.3, 0.0, 0.6])
 
 
-def test_slip_runs_at_its_velocity_from_its_onset():
-    path = np.tile([[[0.0, 0.0, 0.2], [0.0, 0.0, 0.2], [0.5, 0, 0.2]]], (20, 1, 1))
-    shifts = slipped({"x": 0.05, "y": 0.0, "z": -0.1, "onset": 0.25}, path, [True] * 20)
-    since = np.maximum(FRAME * np.arange(20) - 0.25, 0.0)
-    assert shifts[:, 0] == pytest.approx(since[:, None] * [0.05, 0.0, -0.1])
-
-
-def test_slip_ends_with_the_grip_and_where_nothing_is_left_to_hold():
-    path = np.tile([[[0.0, 0.0, 2.0], [0.0, 0.0, 2.0]]], (90, 1, 1))
-    values = {"x": 0.0, "y": 0.0, "z": -0.2, "onset": 0.0}
-    shifts = slipped(values, path, [True] * 70 + [False] * 10 + [True] * 10)[:, 0, 2]
-    assert shifts[69] == pytest.approx(-0.3)
-    # It stays for a frame, so that the hand as it lets go does not seem to jump back.
-    assert shifts[70:72].tolist() == pytest.approx([-0.3, -0.3])
-    assert (shifts[72:81] == 0).all()
-    assert shifts[85] == pytest.approx(-0.2 * 5 * FRAME)
+def test_a_slip_goes_along_the_pull_from_its_onset_on_and_to_its_side():
+    frames = np.arange(20)
+    pulls = np.zeros((20, 3, 3))
+    pulls[:, 0], pulls[:, 1], pulls[:, 2] = [0, 0, -0.5], [2.0, 0, 0], [0, 0, -0.01]
+    values = {"x": 0.05, "y": 0.0, "z": -0.1, "onset": 7.5 * FRAME}
+    slid = LIBRARY["grasp_slip"].slide(values, frames * FRAME, (frames + 1) * FRAME, pulls).cumsum(axis=0)
+    since = np.maximum(frames[:, None] + 1 - 7.5, 0.0) * FRAME
+    assert slid[:, 0] == pytest.approx(since * [0.05, 0.0, -0.1])
+    assert slid[:, 1] == pytest.approx(since * [0.15, 0.0, 0.0])
+    assert (slid[:, 2] == 0.0).all()
 
 
 def test_a_slipping_object_sinks_under_the_hand():

@@ -54,8 +54,8 @@ def test_an_effect_says_what_it_is_and_what_it_is_taken_for(name):
     assert "=" in effect.equation
     assert effect.source
     assert effect.traits.experiment
-    hooks = (effect.node_force, effect.spring_law, effect.adapt, effect.drive, effect.clock, effect.frame)
-    assert any(each is not None for each in hooks)
+    hooks = (effect.node_force, effect.spring_law, effect.adapt, effect.drive, effect.slide, effect.clock)
+    assert any(each is not None for each in (*hooks, effect.frame))
     assert effect.traits.confounders
     assert set(effect.traits.confounders) <= set(LIBRARY) - {name}
 

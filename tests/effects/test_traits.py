@@ -45,7 +45,7 @@ def test_what_is_measured_directly_has_the_map_that_it_is_measured_by(effect: Ef
     traits, has_map = effect.traits, True
     match traits.measured_by:
         case Measurement.GRIPS:
-            has_map = any((effect.clock, effect.drive))
+            has_map = any((effect.clock, effect.drive, effect.slide))
         case Measurement.TABLE_LEVEL:
             has_map = effect.frame is not None
         case Measurement.PLUMB_LINE:

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from egophys_core.effects import LIBRARY, NAMES, TwinEffect
+from egophys_core.effects import LIBRARY, TwinEffect
 from egophys_core.effects.rotations import rotation
 from egophys_core.simulation import ContactKind, Controls, RolloutBatch, batch_of_models
 from egophys_core.simulation.effect_gradients import effect_gradients
@@ -57,14 +57,13 @@ VALUES: dict[str, dict[str, float]] = {
     "viscoelasticity": {"ratio": 0.6, "time": 0.04},
     "plasticity": {"flow": 12.0, "yield_strain": 0.03},
     "hysteresis": {"strength": 0.7, "strain": 0.04},
-    "grasp_slip": {"x": 0.2, "y": -0.1, "z": 0.05, "onset": 0.0123},
     "control_delay": {"delay": 0.0037},
     "tracking_scale": {"scale": 1.04},
     "tracking_rotation": {"about_x": 0.1, "about_y": -0.2},
     "tracking_offset": {"x": 0.004, "y": -0.003, "z": 0.005},
     "gripper_offset": {"x": 0.004, "y": -0.003, "z": 0.005},
 }
-"""Away from where anything jumps."""
+"""Away from where anything jumps; a slip, which follows a pull, is in `test_sliding_grips.py`."""
 
 
 def model_of(*names: str) -> ObjectModel:
@@ -182,7 +181,7 @@ def derivatives(*names: str) -> tuple[np.ndarray, np.ndarray, list[str]]:
 @pytest.mark.parametrize(
     "names",
     [
-        *((name,) for name in NAMES),
+        *((name,) for name in VALUES),
         ("viscoelasticity", "hysteresis", "hidden_tether", "tracking_scale"),
         ("plasticity", "strain_stiffening", "tracking_rotation", "stribeck_friction"),
     ],

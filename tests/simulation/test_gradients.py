@@ -64,8 +64,9 @@ def test_gradient_agrees_with_central_differences(scene, kind):
 def test_every_kind_of_input_is_checked():
     kinds = {kind for kinds in KINDS.values() for kind in kinds}
     gradient = differentiated("in the air")[3]
-    # Frames are checked with the effect that turns them (test_effect_gradients.py).
-    assert kinds | {"contact_threshold", "frames"} == {*vars(gradient), *gradient.parameters} - {"parameters"}
+    # Frames and slides are checked with the effects that make them (test_effect_gradients.py, test_sliding_grips.py).
+    elsewhere, no_derivatives = {"contact_threshold", "frames", "slides"}, {"parameters", "pulls"}
+    assert kinds | elsewhere == {*vars(gradient), *gradient.parameters} - no_derivatives
 
 
 def test_the_edge_of_the_contact_band_has_no_gradient():

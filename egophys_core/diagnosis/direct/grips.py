@@ -112,7 +112,8 @@ def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
 def held_displacements(grip: GripRecord, effects: Mapping[str, Values]) -> np.ndarray:
     """[F, P, 3] metres: how far tracks that are held would have gone since the hand took hold.
 
-    The clocks and drives of the effects say where the hand truly was, or what slides through it.
+    The clocks and drives of the effects say where the hand truly was, and their slides what slides through it: as where
+    it hangs, since what pulls on a hand is not known here.
 
     Args:
         effects: parameters by the name of the effect.
@@ -122,10 +123,13 @@ def held_displacements(grip: GripRecord, effects: Mapping[str, Values]) -> np.nd
     for effect, values in known:
         times = effect.clock(values, times) if effect.clock else times
     centres = grip.centres_at(times)
-    holds = np.ones((len(times), 1), bool)
+    holds, hanging = np.ones((len(times), 1), bool), np.tile([0.0, 0.0, -1.0], (len(times) - 1, 1, 1))
+    slid = np.zeros((len(times), 3))
     for effect, values in known:
         centres = effect.drive(values, grip.times, centres[:, None], holds)[:, 0] if effect.drive else centres
-    return np.asarray((centres - centres[0])[:, None] + grip.carried(times))
+        if effect.slide:
+            slid[1:] += effect.slide(values, grip.times[:-1], grip.times[1:], hanging)[:, 0].cumsum(axis=0)
+    return np.asarray((centres - centres[0] + slid)[:, None] + grip.carried(times))
 
 
 def residual_of(grip: GripRecord, displacements: np.ndarray) -> np.ndarray:

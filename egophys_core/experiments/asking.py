@@ -117,10 +117,10 @@ def diagnose_and_ask(
                 asked.append(Asked(proposal=proposal, before=finding))
                 recorded.insert(0, world(proposal, len(asked)))
                 finding = look(2 * len(asked))
-    return Conclusion(finding=finding, asked=tuple(asked), ended=ended + _lost(asked, finding))
+    return Conclusion(finding=finding, asked=tuple(asked), ended=ended + _no_longer_named(asked, finding))
 
 
-def _lost(asked: Sequence[Asked], finding: Finding) -> str:
+def _no_longer_named(asked: Sequence[Asked], finding: Finding) -> str:
     """What to add to the end of a loop of effects that were named on the way and are not any more."""
     named = {each.name for each in finding.diagnosis.effects}
     before = {each.name: None for one in asked for each in one.before.diagnosis.effects if each.name not in named}

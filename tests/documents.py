@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from glob import glob
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[1]
@@ -45,8 +46,9 @@ def all_commands(start: str) -> list[Command]:
 
 
 def run_egophys(words: Sequence[str], folder: Path, *, good: Sequence[int] = (0,)) -> str:
-    """Run `egophys ...` in a folder; what it printed."""
-    program = [sys.executable, "-m", "egophys_core.cli.main", *words[1:]]
+    """Run `egophys ...` in a folder, with the files that a shell would put for a pattern; what it printed."""
+    given = [path for word in words[1:] for path in (sorted(glob(word, root_dir=folder)) if "*" in word else [word])]
+    program = [sys.executable, "-m", "egophys_core.cli.main", *given]
     done = subprocess.run(program, cwd=folder, capture_output=True, text=True, timeout=900, check=False)
     assert done.returncode in good, f"{' '.join(words)}\n{done.stdout}{done.stderr}"
     return done.stdout

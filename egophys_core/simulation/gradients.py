@@ -21,7 +21,6 @@ from egophys_core.simulation.engine import Engine, Segment
 from egophys_core.simulation.frame_tape import FrameTape
 from egophys_core.simulation.frames import into_world_directions
 from egophys_core.simulation.rollout import Rollout, advance_all, in_frames
-from egophys_core.simulation.sliding_grips import SlidingGrips
 from egophys_core.simulation.substep import FrameInputs
 from egophys_core.simulation.terms.springs import SHORTEST_LENGTH
 
@@ -145,9 +144,9 @@ class _BackwardPass:
         self.through_codebook = through_codebook
         self.rollouts = np.repeat(np.arange(count), windows)
         self.engine = Engine(forward.batch.rows(self.rollouts), forward.device, requires_grad=True)
-        self.sliding = SlidingGrips(forward.batch) if forward.sliding is None else forward.sliding
-        if forward.sliding is not None:
-            self.engine.sliding = forward.sliding.rows(self.rollouts)
+        self.sliding = forward.sliding
+        if self.sliding is not None:
+            self.engine.sliding = self.sliding.rows(self.rollouts)
         # [F - 1, K, N + C, 3] twice and [F - 1, K, E, M], at the start of each frame.
         self.positions, self.velocities, self.memory = (
             np.stack([unpack(values, count) for values in kept]) for kept in zip(*states, strict=True)
@@ -155,7 +154,7 @@ class _BackwardPass:
         self.nodes, self.controllers = self.engine.nodes, self.engine.controllers.shape[2]
         self.controls = np.zeros(forward.controllers.shape)
         self.control_velocities = np.zeros(forward.controllers.shape)
-        self.by_slid, self.by_slides = np.zeros_like(self.sliding.within), np.zeros_like(self.sliding.within)
+        self.by_slid, self.by_slides = np.zeros_like(self.controls[:, 1:]), np.zeros_like(self.controls[:, 1:])
         """Derivatives by what had slid as each frame began, and by what slides in it, of that frame alone."""
         self.controller_stiffness, self.controller_damping = np.zeros(count), np.zeros(count)
         rows = len(self.rollouts)
@@ -340,17 +339,20 @@ class _BackwardPass:
     def _collect_controls(self, frames: np.ndarray) -> None:
         arrays, rows = self.engine.controller_arrays, len(self.rollouts)
         by = {name: unpack(getattr(arrays, name).grad.numpy(), rows) for name in MOTION_NAMES}
-        durations = (self.engine.times[frames + 1] - self.engine.times[frames])[:, None, None]
-        by_start, by_end = by["start_positions"], by["end_positions"]
-        by_velocity = (by["start_velocities"] + by["end_velocities"]) / durations
-        for total, at, values in (
-            (self.controls, frames, by_start),
-            (self.controls, frames + 1, by_end),
+        totals = [
+            (self.controls, frames, by["start_positions"]),
+            (self.controls, frames + 1, by["end_positions"]),
             (self.control_velocities, frames, by["start_velocities"]),
             (self.control_velocities, frames + 1, by["end_velocities"]),
-            (self.by_slid, frames, by_start + by_end),
-            (self.by_slides, frames, by_end + by_velocity),
-        ):
+        ]
+        if self.sliding is not None:
+            durations = (self.engine.times[frames + 1] - self.engine.times[frames])[:, None, None]
+            by_velocity = (by["start_velocities"] + by["end_velocities"]) / durations
+            totals += [
+                (self.by_slid, frames, by["start_positions"] + by["end_positions"]),
+                (self.by_slides, frames, by["end_positions"] + by_velocity),
+            ]
+        for total, at, values in totals:
             np.add.at(total, (self.rollouts, at), values)
 
     def _collect_grips(self, segment: Segment) -> None:
@@ -416,6 +418,9 @@ class _BackwardPass:
         by_masses = (
             total(engine.parameters.masses) - total(engine.parameters.inverse_masses) / self.forward.batch.masses**2
         )
+        slides, pulls = self.by_slides, np.zeros_like(self.by_slides)
+        if self.sliding is not None:
+            slides, pulls = self.sliding.gradient(self.by_slid, self.by_slides), self.sliding.pulls
         return Gradient(
             **of_springs,
             masses=by_masses,
@@ -425,8 +430,8 @@ class _BackwardPass:
             effects=total(engine.effects.numbers),
             frames=np.zeros((count, 4, 4)),
             controls=np.where(running[:, None, None, None], controls, 0.0),
-            slides=np.where(running[:, None, None, None], self.sliding.gradient(self.by_slid, self.by_slides), 0.0),
-            pulls=self.sliding.pulls,
+            slides=np.where(running[:, None, None, None], slides, 0.0),
+            pulls=pulls,
             positions=positions,
             velocities=velocities,
         )

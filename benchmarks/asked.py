@@ -33,7 +33,7 @@ from egophys_core.rehearsal.injection import injected_sizes
 
 RESULT = Path(__file__).parent / "results/asked.json"
 
-DRAWN = 20261129_04
+DRAWN = 20261129_05
 """Seed of the objects and motions of this table."""
 
 MOST_ASKED = 2

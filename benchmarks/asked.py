@@ -33,7 +33,7 @@ from egophys_core.rehearsal.injection import injected_sizes
 
 RESULT = Path(__file__).parent / "results/asked.json"
 
-DRAWN = 20261129_05
+DRAWN = 20261129_06
 """Seed of the objects and motions of this table."""
 
 MOST_ASKED = 2
@@ -57,6 +57,12 @@ AIMS = (
     ("control_delay", RehearsalObject.SHEET),
     ("grasp_slip", RehearsalObject.SHEET),
     ("viscoelasticity", RehearsalObject.ELLIPSOID),
+    ("control_delay", RehearsalObject.ELLIPSOID),
+    ("gravity_scale", RehearsalObject.ELLIPSOID),
+    ("quadratic_drag", RehearsalObject.ELLIPSOID),
+    ("grasp_slip", RehearsalObject.ELLIPSOID),
+    ("gravity_tilt", RehearsalObject.ELLIPSOID),
+    ("constant_body_force", RehearsalObject.ELLIPSOID),
 )
 """Effects whose limits have an aim, and in what they are injected."""
 

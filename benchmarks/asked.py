@@ -10,7 +10,7 @@ import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,15 +21,22 @@ from benchmarks.injected import DIAGNOSIS, FIT, POINTS
 from benchmarks.kept import kept_in
 from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
+from egophys_core.diagnosis.diagnose import Finding, fitted_and_validation
 from egophys_core.diagnosis.diagnosis import DetectionLimit, Diagnosis
+from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
+from egophys_core.diagnosis.evidence.predicting_twin import predicting_pair
+from egophys_core.diagnosis.evidence.refit import refit_from
+from egophys_core.diagnosis.evidence.residuals import observe
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.experiments import PERSON, Proposal, diagnose_and_ask
 from egophys_core.experiments.hand_path import plan_of_path
 from egophys_core.files import write_json
 from egophys_core.identification import build
+from egophys_core.observation import observe_episodes
 from egophys_core.rehearsal import Motion, RehearsalObject, RehearsalOptions, rehearse, rehearse_plans
 from egophys_core.rehearsal.injection import injected_sizes
+from egophys_core.twin import ObjectModel, Twin
 
 RESULT = Path(__file__).parent / "results/asked.json"
 
@@ -123,17 +130,22 @@ def measure(case: AskedCase) -> dict[str, Any]:
     seeds = [len(PASSIVE), *range(len(PASSIVE) + 1 + MOST_ASKED, len(PASSIVE) + MOST_ASKED + len(JUDGED_ON))]
     judged_on = [handle(motion, seed=10 * case.seed + index) for motion, index in zip(JUDGED_ON, seeds, strict=True)]
     twin = build(episodes, FIT, seed=0)
+    recorded = list(episodes)
 
     def world(proposal: Proposal, number: int) -> Episode:
         plans = [plan_of_path(each, "") for each in proposal.motion.paths]
         seed = 10 * case.seed + len(PASSIVE) + number
-        return rehearse_plans(
+        done = rehearse_plans(
             options, plans, name=f"asked_{number}", seed=seed, effects=case.effects, object_seed=case.seed
         )
+        recorded.insert(0, done)
+        return done
 
     started = time.monotonic()
     answer = diagnose_and_ask(twin, episodes, DIAGNOSIS, world, most=MOST_ASKED, limits=PERSON, report_on=judged_on)
+    seconds = time.monotonic() - started
     diagnosis = answer.finding.diagnosis
+    true = errors_with_true_effect(twin, answer.finding, recorded, judged_on, case)
     errors = {each.episode: each for each in diagnosis.error}
     first_judged, *others = (errors[each.name] for each in judged_on)
     first = answer.asked[0].before.diagnosis if answer.asked else diagnosis
@@ -151,17 +163,52 @@ def measure(case: AskedCase) -> dict[str, Any]:
         "planted": injected_size(case),
         "track_before_m": first_judged.track_before_m,
         "track_after_m": first_judged.track_after_m,
+        "track_true_m": true[0],
         "others": [
-            {"motion": str(motion), "track_before_m": each.track_before_m, "track_after_m": each.track_after_m}
-            for motion, each in zip(JUDGED_ON[1:], others, strict=True)
+            {
+                "motion": str(motion),
+                "track_before_m": each.track_before_m,
+                "track_after_m": each.track_after_m,
+                "track_true_m": with_true,
+            }
+            for motion, each, with_true in zip(JUDGED_ON[1:], others, true[1:], strict=True)
         ],
         "p_null": least_p(diagnosis),
         "limits": [asdict(each) for each in diagnosis.limits],
         "candidates": diagnosis.as_dict()["candidates"][:5],
         "reason": diagnosis.reason,
-        "seconds": time.monotonic() - started,
+        "seconds": seconds,
         "commit": commit(),
     }
+
+
+def errors_with_true_effect(
+    twin: Twin, finding: Finding, recorded: Sequence[Episode], judged_on: Sequence[Episode], case: AskedCase
+) -> list[float]:
+    """Metres, track errors of motions that had no part in it, of the twin refitted beside what was injected.
+
+    Nothing can be named that predicts better, but by chance. Refits start where the diagnosis ended, without what it
+    named and with it, and free rollouts choose the baseline, as they do for what is named.
+
+    Args:
+        recorded: all that was diagnosed, in its order.
+        judged_on: those motions.
+    """
+    observed = observe_episodes([*recorded, *judged_on])
+    observations = [observe(replace(twin.model, effects=()), each) for each in observed]
+    fitted, _ = fitted_and_validation(observations[: len(recorded)])
+    before = finding.searches[0].before
+
+    def beside(model: ObjectModel) -> ObjectModel:
+        for name, values in case.effects.items():
+            own = {each.name: values[each.name] for each in effect_named(name).parameters}
+            model = with_effect(replace(model, effects=()), name, own)
+        return model
+
+    starts = [beside(before.model), beside(finding.twin.model)]
+    best = refit_from(fitted, starts, before.parameters, scale=before.scale, iterations=DIAGNOSIS.refit_iterations)
+    _, _, errors = predicting_pair(before.model, best.model, observations, given=len(recorded))
+    return [float(np.nanmean(after.track)) for _, after in errors[len(recorded) :]]
 
 
 def limit_of(limits: tuple[DetectionLimit, ...], effect: str) -> float | None:

@@ -25,7 +25,7 @@ def asked_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
         "asked",
         "said",
         "limit",
-        "TE of a double lift before, after (mm)",
+        "TE of a double lift before, after, with the true effect (mm)",
         "of a fold, a shake and a double pull",
         "s",
         "at",
@@ -60,12 +60,17 @@ def _counts(injected: Rows, nothing: Rows) -> str:
     invented = sum(bool(row["named"]) for row in nothing)
     beside = sum(right(row) and names_more(row) for row in injected)
     predicted = [row for row in injected if right(row) and row.get("others")]
-    better = ""
+    better, every = "", [each for row in predicted for each in (row, *row["others"])]
     if predicted:
-        every = [each for row in predicted for each in (row, *row["others"])]
         better = (
             f" What follows from a right name misses motions that had no part in it by {_before_and_after(every)} mm "
             f"before and after (sets: {len(predicted)}, errors: {len(every)}, geometric mean)."
+        )
+    compared = [each for each in every if "track_true_m" in each]
+    if compared:
+        better += (
+            f" Where the twin was refitted beside what was injected, too, it is {_before_and_after(compared)} mm "
+            f"before, after and beside that (errors: {len(compared)})."
         )
     return (
         f"Named right, or in a complete ambiguous set: {' and '.join(parts)}; beside it something that was not "
@@ -88,10 +93,9 @@ def _said(outcome: str, named: list[str]) -> str:
 
 
 def _before_and_after(errors: Rows) -> str:
-    """Geometric means, mm."""
-    return ", ".join(
-        f"{1e3 * geometric_mean(each[f'track_{when}_m'] for each in errors):.1f}" for when in ("before", "after")
-    )
+    """Geometric means, mm; also that beside what was injected, where it was measured."""
+    known = [when for when in ("before", "after", "true") if all(f"track_{when}_m" in each for each in errors)]
+    return ", ".join(f"{1e3 * geometric_mean(each[f'track_{when}_m'] for each in errors):.1f}" for when in known)
 
 
 def _figure(value: float | None) -> str:

@@ -49,3 +49,13 @@ def test_errors_on_all_motions_that_had_no_part_are_told_of_right_names():
     assert "by 20.0, 10.0 mm before and after (sets: 1, errors: 2, geometric mean)" in counts
     assert "10.0, 20.0" in lines
     assert "40.0, 5.0" in lines
+
+
+def test_errors_beside_the_true_effect_stand_third_where_they_were_measured():
+    other = {"motion": "fold", "track_before_m": 0.04, "track_after_m": 0.005}
+    compared = {**other, "track_true_m": 0.01}
+    right = {**row("quadratic_drag", "named", "quadratic_drag"), "others": [compared], "track_true_m": 0.0025}
+    without = {**row("grasp_slip", "named", "grasp_slip"), "others": [{**other, "track_before_m": 1.0}]}
+    counts, lines = asked_table({"rows": [right, without]}, {}).split("\n\n")
+    assert "beside what was injected, too, it is 20.0, 10.0, 5.0 mm" in counts
+    assert "10.0, 20.0, 2.5" in lines

@@ -156,6 +156,10 @@ def measure(case: AskedCase) -> dict[str, Any]:
         "ended": answer.ended,
         "outcome": str(diagnosis.outcome),
         "named": [each.name for each in diagnosis.effects],
+        "estimates": {
+            each.name: {name: [estimate.value, *estimate.ci95] for name, estimate in each.parameters.items()}
+            for each in diagnosis.effects
+        },
         "passive_outcome": str(first.outcome),
         "passive_named": [each.name for each in first.effects],
         "limit": limit_of(diagnosis.limits, case.effect),

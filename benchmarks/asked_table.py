@@ -1,5 +1,6 @@
 """Diagnoses that may ask, as a table: what was said before and after asking, limits, and errors on another motion."""
 
+import math
 from collections.abc import Mapping
 from statistics import geometric_mean
 from typing import Any
@@ -75,7 +76,30 @@ def _counts(injected: Rows, nothing: Rows) -> str:
     return (
         f"Named right, or in a complete ambiguous set: {' and '.join(parts)}; beside it something that was not "
         f"injected: {beside}. Names invented in {invented} of {len(nothing)} sets without an effect.{better}"
+        f"{_by_limit(injected)}"
     )
+
+
+def _by_limit(injected: Rows) -> str:
+    """How many were named of those planted so many times the limit that the same diagnosis stated, before or after."""
+    looks = [
+        (row["planted"] / row[f"{when}limit"], right(row, when))
+        for row in injected
+        for when in ("passive_", "")
+        if row["planted"] and row[f"{when}limit"] and (row["motions"] or not when)
+    ]
+    if not looks:
+        return ""
+    parts = [
+        f"{sum(named for times, named in looks if low <= times < high)} of "
+        f"{sum(low <= times < high for times, _ in looks)} {what}"
+        for what, low, high in (
+            ("planted at twice the limit that the diagnosis stated or more", 2.0, math.inf),
+            ("from half of it to twice", 0.5, 2.0),
+            ("at less", 0.0, 0.5),
+        )
+    ]
+    return f" Of diagnoses, before asking and after, that state a limit, named: {', '.join(parts)}."
 
 
 def right(row: Mapping[str, Any], when: str = "") -> bool:

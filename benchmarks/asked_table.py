@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from statistics import geometric_mean
+from statistics import geometric_mean, median
 from typing import Any
 
 from benchmarks.tables import table
@@ -49,7 +49,47 @@ def asked_table(result: dict[str, Any], dates: Mapping[str, str]) -> str:
         ]
         for row in (*injected, *nothing)
     ]
-    return "\n\n".join([_counts(injected, nothing), table(header, lines)])
+    return "\n\n".join([_counts(injected, nothing), table(header, lines), *_limits_reached(rows)])
+
+
+LIMITS_WANTED = {
+    "quadratic_drag": "3 1/m",
+    "gravity_scale": "0.07",
+    "gravity_tilt": "0.02 rad",
+    "constant_body_force": "0.3 m/s^2",
+    "uneven_mass": "0.15",
+    "control_delay": "0.01 s",
+    "grasp_slip": "0.002 m/s",
+    "viscoelasticity": "0.3",
+}
+"""What asking aims at, by effect."""
+
+
+def _limits_reached(rows: Rows) -> list[str]:
+    """Medians over objects of the limits after asking, in the direction that shows least, and from where to where."""
+    asked = [row for row in rows if row["motions"] and row.get("limits")]
+    if not asked:
+        return []
+    objects = sorted({row["object"] for row in asked}, reverse=True)
+    counts = {each: sum(row["object"] == each for row in asked) for each in objects}
+    lines = [
+        [name, aim, *(_spread([_largest(row, name) for row in asked if row["object"] == each]) for each in objects)]
+        for name, aim in LIMITS_WANTED.items()
+    ]
+    told = "Limits reached by asking: median (least to largest) over objects, in the direction that shows least."
+    return [told, table(("effect", "aim", *(f"{each} ({counts[each]})" for each in objects)), lines)]
+
+
+def _largest(row: Mapping[str, Any], effect: str) -> float:
+    sizes = [each["size"] for each in row["limits"] if each["effect"] == effect]
+    return max((math.inf if size is None else size for size in sizes), default=math.inf)
+
+
+def _spread(values: list[float]) -> str:
+    middle, *ends = (
+        _figure(value if math.isfinite(value) else None) for value in (median(values), min(values), max(values))
+    )
+    return f"{middle} ({' to '.join(ends)})"
 
 
 def _counts(injected: Rows, nothing: Rows) -> str:

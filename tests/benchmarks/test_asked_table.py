@@ -45,7 +45,7 @@ def test_errors_on_all_motions_that_had_no_part_are_told_of_right_names():
         {**row("quadratic_drag", "named", "quadratic_drag"), "others": [other]},
         {**row("grasp_slip", "none"), "others": [{**other, "track_before_m": 1.0}]},
     ]
-    counts, lines = asked_table({"rows": rows}, {}).split("\n\n")
+    counts, lines, *_ = asked_table({"rows": rows}, {}).split("\n\n")
     assert "by 20.0, 10.0 mm before and after (sets: 1, errors: 2, geometric mean)" in counts
     assert "10.0, 20.0" in lines
     assert "40.0, 5.0" in lines
@@ -56,7 +56,7 @@ def test_errors_beside_the_true_effect_stand_third_where_they_were_measured():
     compared = {**other, "track_true_m": 0.01}
     right = {**row("quadratic_drag", "named", "quadratic_drag"), "others": [compared], "track_true_m": 0.0025}
     without = {**row("grasp_slip", "named", "grasp_slip"), "others": [{**other, "track_before_m": 1.0}]}
-    counts, lines = asked_table({"rows": [right, without]}, {}).split("\n\n")
+    counts, lines, *_ = asked_table({"rows": [right, without]}, {}).split("\n\n")
     assert "beside what was injected, too, it is 20.0, 10.0, 5.0 mm" in counts
     assert "10.0, 20.0, 2.5" in lines
 
@@ -66,6 +66,18 @@ def test_names_are_counted_by_how_far_above_the_stated_limit_an_effect_was_plant
     asked = {**named, "passive_limit": 20.0, "motions": ["swing"]}
     missed = {**row("grasp_slip", "none"), "planted": 0.003, "limit": 0.02}
     never = {**missed, "limit": None}
-    counts, _ = asked_table({"rows": [named, asked, missed, never]}, {}).split("\n\n")
+    counts, *_ = asked_table({"rows": [named, asked, missed, never]}, {}).split("\n\n")
     assert "2 of 2 planted at twice the limit" in counts
     assert "0 of 1 from half of it to twice, 0 of 1 at less" in counts
+
+
+def test_limits_reached_are_those_of_the_direction_that_shows_least_and_their_medians_over_objects():
+    def asked(*sizes):
+        limits = [{"effect": "gravity_tilt", "parameter": str(way), "size": size} for way, size in enumerate(sizes)]
+        return {**row("none", "none"), "motions": ["swing"], "limits": limits}
+
+    rows = [asked(0.01, 0.05), asked(0.02, 0.03), asked(0.01, None), {**asked(9.0), "motions": []}]
+    *_, limits = asked_table({"rows": rows}, {}).split("\n\n")
+    (line,) = (each for each in limits.splitlines() if each.startswith("| gravity_tilt "))
+    assert "| 0.05 (0.03 to -) |" in line
+    assert "sheet (3)" in limits

@@ -13,7 +13,7 @@ from egophys_core.simulation import batch_of_models, rollout
 from tests.effects.situations import lifted, sheet, solid, surroundings
 
 NAMES = sorted(LIBRARY)
-MOST_SIMULATED = 16
+MOST_SIMULATED = 32
 """Starts, or pieces of them: two groups of lanes."""
 
 

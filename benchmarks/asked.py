@@ -145,7 +145,9 @@ def measure(case: AskedCase) -> dict[str, Any]:
     answer = diagnose_and_ask(twin, episodes, DIAGNOSIS, world, most=MOST_ASKED, limits=PERSON, report_on=judged_on)
     seconds = time.monotonic() - started
     diagnosis = answer.finding.diagnosis
-    true = errors_with_true_effect(twin, answer.finding, recorded, judged_on, case)
+    true: list[float | None] = [None] * len(judged_on)
+    if case.effects:
+        true[:] = errors_with_true_effect(twin, answer.finding, recorded, judged_on, case)
     errors = {each.episode: each for each in diagnosis.error}
     first_judged, *others = (errors[each.name] for each in judged_on)
     first = answer.asked[0].before.diagnosis if answer.asked else diagnosis

@@ -107,7 +107,7 @@ def _counts(injected: Rows, nothing: Rows) -> str:
             f" What follows from a right name misses motions that had no part in it by {_before_and_after(every)} mm "
             f"before and after (sets: {len(predicted)}, errors: {len(every)}, geometric mean)."
         )
-    compared = [each for each in every if "track_true_m" in each]
+    compared = [each for each in every if each.get("track_true_m")]
     if compared:
         better += (
             f" Where the twin was refitted beside what was injected, too, it is {_before_and_after(compared)} mm "
@@ -158,7 +158,7 @@ def _said(outcome: str, named: list[str]) -> str:
 
 def _before_and_after(errors: Rows) -> str:
     """Geometric means, mm; also that beside what was injected, where it was measured."""
-    known = [when for when in ("before", "after", "true") if all(f"track_{when}_m" in each for each in errors)]
+    known = [when for when in ("before", "after", "true") if all(each.get(f"track_{when}_m") for each in errors)]
     return ", ".join(f"{1e3 * geometric_mean(each[f'track_{when}_m'] for each in errors):.1f}" for when in known)
 
 

@@ -56,7 +56,8 @@ def test_errors_beside_the_true_effect_stand_third_where_they_were_measured():
     compared = {**other, "track_true_m": 0.01}
     right = {**row("quadratic_drag", "named", "quadratic_drag"), "others": [compared], "track_true_m": 0.0025}
     without = {**row("grasp_slip", "named", "grasp_slip"), "others": [{**other, "track_before_m": 1.0}]}
-    counts, lines, *_ = asked_table({"rows": [right, without]}, {}).split("\n\n")
+    nothing = {**row("none", "none"), "others": [{**other, "track_true_m": None}], "track_true_m": None}
+    counts, lines, *_ = asked_table({"rows": [right, without, nothing]}, {}).split("\n\n")
     assert "beside what was injected, too, it is 20.0, 10.0, 5.0 mm" in counts
     assert "10.0, 20.0, 2.5" in lines
 

@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.asked_table import limit_of
 from benchmarks.injected import DIAGNOSIS, FIT, POINTS
 from benchmarks.kept import kept_in
 from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
 from egophys_core.diagnosis.diagnose import Finding, fitted_and_validation
-from egophys_core.diagnosis.diagnosis import DetectionLimit, Diagnosis
+from egophys_core.diagnosis.diagnosis import Diagnosis
 from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
 from egophys_core.diagnosis.evidence.predicting_twin import predicting_pair
 from egophys_core.diagnosis.evidence.refit import refit_from
@@ -145,12 +146,11 @@ def measure(case: AskedCase) -> dict[str, Any]:
     answer = diagnose_and_ask(twin, episodes, DIAGNOSIS, world, most=MOST_ASKED, limits=PERSON, report_on=judged_on)
     seconds = time.monotonic() - started
     diagnosis = answer.finding.diagnosis
-    true: list[float | None] = [None] * len(judged_on)
-    if case.effects:
-        true[:] = errors_with_true_effect(twin, answer.finding, recorded, judged_on, case)
+    first = answer.asked[0].before.diagnosis if answer.asked else diagnosis
+    limits, passive_limits = ([asdict(each) for each in found.limits] for found in (diagnosis, first))
+    true = errors_with_true_effect(twin, answer.finding, recorded, judged_on, case)
     errors = {each.episode: each for each in diagnosis.error}
     first_judged, *others = (errors[each.name] for each in judged_on)
-    first = answer.asked[0].before.diagnosis if answer.asked else diagnosis
     return {
         **asdict(case),
         "asked": len(answer.asked),
@@ -164,8 +164,8 @@ def measure(case: AskedCase) -> dict[str, Any]:
         },
         "passive_outcome": str(first.outcome),
         "passive_named": [each.name for each in first.effects],
-        "limit": limit_of(diagnosis.limits, case.effect),
-        "passive_limit": limit_of(first.limits, case.effect),
+        "limit": limit_of(limits, case.effect),
+        "passive_limit": limit_of(passive_limits, case.effect),
         "planted": injected_size(case),
         "track_before_m": first_judged.track_before_m,
         "track_after_m": first_judged.track_after_m,
@@ -180,7 +180,7 @@ def measure(case: AskedCase) -> dict[str, Any]:
             for motion, each, with_true in zip(JUDGED_ON[1:], others, true[1:], strict=True)
         ],
         "p_null": least_p(diagnosis),
-        "limits": [asdict(each) for each in diagnosis.limits],
+        "limits": limits,
         "candidates": diagnosis.as_dict()["candidates"][:5],
         "reason": diagnosis.reason,
         "seconds": seconds,
@@ -190,8 +190,8 @@ def measure(case: AskedCase) -> dict[str, Any]:
 
 def errors_with_true_effect(
     twin: Twin, finding: Finding, recorded: Sequence[Episode], judged_on: Sequence[Episode], case: AskedCase
-) -> list[float]:
-    """Metres, track errors of motions that had no part in it, of the twin refitted beside what was injected.
+) -> Sequence[float | None]:
+    """Metres, track errors of motions that had no part in it, of the twin refitted beside what was injected, if any.
 
     Nothing can be named that predicts better, but by chance. Refits start where the diagnosis ended, without what it
     named and with it, and free rollouts choose the baseline, as they do for what is named.
@@ -200,28 +200,22 @@ def errors_with_true_effect(
         recorded: all that was diagnosed, in its order.
         judged_on: those motions.
     """
+    if not case.effects:
+        return [None] * len(judged_on)
     observed = observe_episodes([*recorded, *judged_on])
     observations = [observe(replace(twin.model, effects=()), each) for each in observed]
     fitted, _ = fitted_and_validation(observations[: len(recorded)])
     before = finding.searches[0].before
 
+    own = {each.name: case.effects[case.effect][each.name] for each in effect_named(case.effect).parameters}
+
     def beside(model: ObjectModel) -> ObjectModel:
-        for name, values in case.effects.items():
-            own = {each.name: values[each.name] for each in effect_named(name).parameters}
-            model = with_effect(replace(model, effects=()), name, own)
-        return model
+        return with_effect(replace(model, effects=()), case.effect, own)
 
     starts = [beside(before.model), beside(finding.twin.model)]
     best = refit_from(fitted, starts, before.parameters, scale=before.scale, iterations=DIAGNOSIS.refit_iterations)
     _, _, errors = predicting_pair(before.model, best.model, observations, given=len(recorded))
     return [float(np.nanmean(after.track)) for _, after in errors[len(recorded) :]]
-
-
-def limit_of(limits: tuple[DetectionLimit, ...], effect: str) -> float | None:
-    """The size from which an effect would have been named in whatever direction; None where none is seen."""
-    own = [each.size for each in limits if each.effect == effect]
-    known = [each for each in own if each is not None]
-    return max(known) if known and len(known) == len(own) else None
 
 
 def injected_size(case: AskedCase) -> float | None:

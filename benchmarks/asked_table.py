@@ -1,7 +1,7 @@
 """Diagnoses that may ask, as a table: what was said before and after asking, limits, and errors on another motion."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from statistics import geometric_mean, median
 from typing import Any
 
@@ -73,22 +73,27 @@ def _limits_reached(rows: Rows) -> list[str]:
     objects = sorted({row["object"] for row in asked}, reverse=True)
     counts = {each: sum(row["object"] == each for row in asked) for each in objects}
     lines = [
-        [name, aim, *(_spread([_largest(row, name) for row in asked if row["object"] == each]) for each in objects)]
+        [
+            name,
+            aim,
+            *(_spread([limit_of(row["limits"], name) for row in asked if row["object"] == each]) for each in objects),
+        ]
         for name, aim in LIMITS_WANTED.items()
     ]
     told = "Limits reached by asking: median (least to largest) over objects, in the direction that shows least."
     return [told, table(("effect", "aim", *(f"{each} ({counts[each]})" for each in objects)), lines)]
 
 
-def _largest(row: Mapping[str, Any], effect: str) -> float:
-    sizes = [each["size"] for each in row["limits"] if each["effect"] == effect]
-    return max((math.inf if size is None else size for size in sizes), default=math.inf)
+def limit_of(limits: Sequence[Mapping[str, Any]], effect: str) -> float | None:
+    """The size from which an effect would have been named in whatever direction; None where none is seen."""
+    own = [each["size"] for each in limits if each["effect"] == effect]
+    known = [each for each in own if each is not None]
+    return max(known) if known and len(known) == len(own) else None
 
 
-def _spread(values: list[float]) -> str:
-    middle, *ends = (
-        _figure(value if math.isfinite(value) else None) for value in (median(values), min(values), max(values))
-    )
+def _spread(limits: Sequence[float | None]) -> str:
+    sizes = [math.inf if size is None else size for size in limits]
+    middle, *ends = (_figure(size if math.isfinite(size) else None) for size in (median(sizes), min(sizes), max(sizes)))
     return f"{middle} ({' to '.join(ends)})"
 
 
@@ -121,7 +126,7 @@ def _counts(injected: Rows, nothing: Rows) -> str:
 
 
 def _by_limit(injected: Rows) -> str:
-    """How many were named of those planted so many times the limit that the same diagnosis stated, before or after."""
+    """How many were named of those injected at so many times the limit that the diagnosis stated, before or after."""
     looks = [
         (row["planted"] / row[f"{when}limit"], right(row, when))
         for row in injected
@@ -134,7 +139,7 @@ def _by_limit(injected: Rows) -> str:
         f"{sum(named for times, named in looks if low <= times < high)} of "
         f"{sum(low <= times < high for times, _ in looks)} {what}"
         for what, low, high in (
-            ("planted at twice the limit that the diagnosis stated or more", 2.0, math.inf),
+            ("injected at twice the limit that the diagnosis stated or more", 2.0, math.inf),
             ("from half of it to twice", 0.5, 2.0),
             ("at less", 0.0, 0.5),
         )

@@ -62,13 +62,13 @@ def test_errors_beside_the_true_effect_stand_third_where_they_were_measured():
     assert "10.0, 20.0, 2.5" in lines
 
 
-def test_names_are_counted_by_how_far_above_the_stated_limit_an_effect_was_planted():
+def test_names_are_counted_by_how_far_above_the_stated_limit_an_effect_was_injected():
     named = {**row("quadratic_drag", "named", "quadratic_drag"), "planted": 14.0, "limit": 2.0}
     asked = {**named, "passive_limit": 20.0, "motions": ["swing"]}
     missed = {**row("grasp_slip", "none"), "planted": 0.003, "limit": 0.02}
     never = {**missed, "limit": None}
     counts, *_ = asked_table({"rows": [named, asked, missed, never]}, {}).split("\n\n")
-    assert "2 of 2 planted at twice the limit" in counts
+    assert "2 of 2 injected at twice the limit" in counts
     assert "0 of 1 from half of it to twice, 0 of 1 at less" in counts
 
 

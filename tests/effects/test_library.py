@@ -14,7 +14,7 @@ from tests.effects.situations import lifted, sheet, solid, surroundings
 
 NAMES = sorted(LIBRARY)
 MOST_SIMULATED = 32
-"""Starts, or pieces of them: two groups of lanes."""
+"""Starts, or pieces of them: four groups of lanes; an added mass in a solid has 26."""
 
 
 def test_the_library_is_complete():

@@ -22,6 +22,9 @@ MOVED = 0.5
 LOST = 2.0
 """Steps that a hand moves without the points it held, or they without it, before it has let go."""
 
+SWUNG = 0.75
+"""Steps of these that what hangs may move against a hand that stands still, as it swings out, and is held on."""
+
 PULLED = 3.0
 """Steps: a hand that draws points this far that are not ahead of it holds them. A squeezed toy springs back less."""
 
@@ -225,8 +228,9 @@ def _follow(scene: HandScene, first: int, held: np.ndarray) -> tuple[int, float]
         if against is not None:
             # What a hand drops leaves it although it stands still; what slips through it creeps.
             together -= scene.seconds[frame] * max(0.0, against - max(scene.still, speed))
-        if together >= most:
-            most, last = together, frame
+        most = max(most, together)
+        if together >= most - SWUNG * scene.step_m:
+            last = frame
         # What swings or is stamped wrongly comes back: hand and points must have parted as far as they lost each other.
         parted = float(np.linalg.norm(drifts[frame] - drifts[last]))
         if min(most - together, parted) > LOST * scene.step_m:

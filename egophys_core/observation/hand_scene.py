@@ -21,6 +21,9 @@ PATIENCE_S, PATIENCE_FRAMES = 0.1, 5
 LONGEST_STEP_S = 0.5
 """A hand that needs longer than this for a step stands still, and then nothing tells whether points come along."""
 
+RISES = 0.7
+"""Of a step, upwards, from which the hand rises."""
+
 STILL = 0.04
 """m/s: the least that counts as motion of a hand against points."""
 
@@ -37,7 +40,8 @@ class Along:
     rigidly: bool
     """Whether they also kept their distance to the hand, to half of the step."""
     ahead: float
-    """-1 (behind the hand) .. 1 (in front of it): mean cosine between the step and the directions to them."""
+    """-1 (behind the hand) .. 1 (in front of it): mean cosine between the step and the directions to them; -1 where the
+    hand rises with them: what is above the middle of a hand that has sunk in is lifted by it, not pushed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,12 +100,13 @@ class HandScene:
         step = self.hand[after] - self.hand[before]
         length = np.linalg.norm(step)
         moved = (self.points[after, seen] - self.points[before, seen]).mean(axis=0)
+        rises = step[2] > RISES * length
         towards = self.points[before, seen] - self.hand[before]
         towards /= np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-9)
         return Along(
             share=float(np.clip(2 * (moved @ step) / length**2 - 1, -1, 1)),
             rigidly=bool(np.linalg.norm(moved - step) < 0.5 * length),
-            ahead=float(towards.mean(axis=0) @ step / length),
+            ahead=-1.0 if rises else float(towards.mean(axis=0) @ step / length),
         )
 
     def speeds(self, frame: int, points: np.ndarray) -> tuple[float, float | None]:

@@ -269,6 +269,35 @@ def test_object_dropped_by_a_hand_that_stays_is_let_go_as_it_falls():
     assert found(observed(times, ball() + displacement[:, None], fingers(hand))) == [[about(HOLD, 1.0, 2.5)]]
 
 
+def test_what_hangs_from_a_hand_inside_it_is_held_and_not_pushed_upwards():
+    # The points near a hand that holds a ball 3 cm below its top are above it.
+    times = seconds(3.5)
+    inside = ABOVE - [0, 0, 0.042]
+    hand = path(times, (0.4, HOVER), (1.0, inside), (1.2, inside), (2.2, inside + [0, 0, 0.3]))
+    displacement = carried(times, hand, (1.0, 3.5))
+    assert found(observed(times, ball() + displacement[:, None], fingers(hand))) == [[about(HOLD, 1.0, 3.5)]]
+
+
+def test_what_swings_out_in_a_hand_that_stands_still_is_held_until_it_drops():
+    # It turns by a radian about the hand within 0.2 s after the lift, and drops a second later.
+    times = seconds(3.8)
+    hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.0, ABOVE + [0, 0, 0.3]))
+    turn = path(times, (1.95, [0, 0, 0]), (2.15, [1.0, 0, 0]))[:, 0]
+    arm = ball() - ABOVE
+    turned = np.stack(
+        [
+            np.cos(turn)[:, None] * arm[:, 0] - np.sin(turn)[:, None] * arm[:, 2],
+            np.broadcast_to(arm[:, 1], (len(times), len(arm))),
+            np.sin(turn)[:, None] * arm[:, 0] + np.cos(turn)[:, None] * arm[:, 2],
+        ],
+        axis=2,
+    )
+    displacement = carried(times, hand, (1.0, 3.8))
+    displacement[:, 2] -= 4.905 * np.maximum(times - 3.3, 0) ** 2
+    episode = observed(times, ABOVE + turned + displacement[:, None], fingers(hand))
+    assert found(episode) == [[about(HOLD, 1.0, 3.3)]]
+
+
 def test_object_that_slips_slowly_through_the_hand_is_held():
     times = seconds(6.0)
     hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.2, ABOVE + [0, 0, 0.25]))

@@ -13,6 +13,7 @@ from egophys_core.observation.checks import require_fittable, require_one_clock,
 from egophys_core.observation.contact import Contact, Hand, contact_flags, see_hands
 from egophys_core.observation.hanging import hangs_free, without_table
 from egophys_core.observation.marker_record import MOST_MARKERS, is_sparse, marker_record
+from egophys_core.observation.release import with_releases
 from egophys_core.simulation import ContactKind
 
 
@@ -33,6 +34,8 @@ class ObservedEpisode:
     """Frame of the first contact."""
     still: int = 1
     """Frames before hands move the object, at least 1."""
+    falls: tuple[int, ...] = ()
+    """Frames from which on nobody holds it and it falls: the moments at which hands let go are frames of their own."""
     at_rest: np.ndarray
     """[P, 3] metres, the object before hands move it: where the points are that are seen mostly then."""
     delay: float = 0.0
@@ -112,12 +115,15 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
     still = still_frames(shown, seen_hands)
     at_rest = observed_at_rest(shown, still)
     require_one_object(episode.name, at_rest)
+    touched = first_touch(shown, seen_hands)
+    released = with_releases(shown, seen_hands.hands, seen_hands.delay)
     return ObservedEpisode(
-        episode=shown,
-        record=shown,
+        episode=released.episode,
+        record=released.episode,
         source=episode,
-        hands=seen_hands.hands,
-        touched=first_touch(shown, seen_hands),
+        hands=released.hands,
+        falls=released.falls,
+        touched=touched,
         still=still,
         at_rest=at_rest,
         delay=seen_hands.delay,

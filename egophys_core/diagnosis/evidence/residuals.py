@@ -51,6 +51,8 @@ class TrackedEpisode:
     would do."""
     still: int = 1
     """Frames before hands move the object, at least 1."""
+    falls: tuple[int, ...] = ()
+    """Frames from which on nobody holds it and it falls."""
     rest: np.ndarray
     """[P, 3] metres, the tracks before hands move the object."""
     patches: np.ndarray
@@ -122,6 +124,7 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
         tracks=tracks,
         touched=touched,
         still=observed.still,
+        falls=observed.falls,
         rest=rest,
         delay=observed.delay,
         noise=observed.noise,

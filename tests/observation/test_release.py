@@ -1,0 +1,52 @@
+"""The moment at which hands let go is between two frames: it becomes one."""
+
+import numpy as np
+import pytest
+
+from egophys_core.observation import observe_episode
+from egophys_core.simulation import ContactKind
+from tests.observation.falling import dropped
+from tests.observation.test_contact import ABOVE, HOVER, ball, carried, fingers, observed, path, seconds
+
+
+@pytest.mark.parametrize("rate", [20.0, 30.0, 60.0])
+@pytest.mark.parametrize("later", [0.1, 0.5, 0.9])
+def test_what_is_dropped_falls_from_the_moment_at_which_it_is_let_go(rate: float, later: float):
+    let_go = 2.8 + later / rate
+    episode = dropped(let_go, rate=rate)
+    seen = observe_episode(episode)
+    (frame,) = seen.falls
+    assert seen.episode.times[frame] == pytest.approx(let_go, abs=0.003)
+    assert (seen.contact[frame - 1] == ContactKind.HOLD).all()
+    assert (seen.contact[frame:] == ContactKind.NONE).all()
+    own = np.delete(np.arange(seen.episode.frames), frame)
+    if seen.episode.frames > episode.frames:
+        assert not seen.episode.visible[frame].any()
+        assert np.array_equal(seen.episode.times[own], episode.times)
+        assert np.array_equal(seen.episode.points[own], episode.points, equal_nan=True)
+
+
+def test_what_is_set_down_does_not_fall():
+    times = seconds(4.0)
+    hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (1.8, ABOVE + [0, 0, 0.1]), (2.5, ABOVE))
+    hand += path(times, (2.8, [0, 0, 0]), (3.4, [0, 0, 0.2]))
+    episode = observed(times, ball() + carried(times, hand, (1.0, 2.8))[:, None], fingers(hand))
+    seen = observe_episode(episode)
+    assert seen.falls == ()
+    assert seen.episode is episode
+
+
+def test_contacts_after_a_fall_are_in_the_new_frames():
+    # Dropped by 10 cm, taken up once more where it fell, and held to the end.
+    times = seconds(5.5)
+    hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.0, ABOVE + [0, 0, 0.1]))
+    hand += path(times, (2.8, [0, 0, 0]), (3.6, [0, 0, -0.1]), (4.0, [0, 0, 0]), (5.0, [0, 0, 0.15]))
+    hand -= path(times, (4.0, [0, 0, 0]), (5.0, [0, 0, 0.1]))
+    moved = carried(times, hand, (1.0, 2.515), (4.0, 5.5))
+    fallen = np.minimum(4.905 * np.maximum(times - 2.515, 0) ** 2, 0.1)
+    episode = observed(times, ball() + moved[:, None] - fallen[:, None, None] * [0, 0, 1], fingers(hand))
+    seen = observe_episode(episode)
+    again = [seen.episode.times[each.first] for each in seen.hands[0].contacts][1:]
+    for begins in again:
+        assert np.isclose(episode.times, begins).any()
+    assert all(frame <= each.first for frame in seen.falls for each in seen.hands[0].contacts[1:])

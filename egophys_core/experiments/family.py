@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from egophys_core.constants import GRAVITY
 from egophys_core.experiments.hand_path import PathWriter, ToolPath
 from egophys_core.experiments.places import DEPTH_M, axes_at_rest, distance_to, extents, places_to_hold
 from egophys_core.kinds import kind_of
@@ -133,14 +134,20 @@ class TableTop:
         return f"{ends} from above, the middle of the hand {depth}"
 
     @property
+    def below(self) -> float:
+        """Metres from a hand down to the lowest part of what hangs from it."""
+        along, across, up = self.size
+        return float(up / 2.0 if not self.lies_flat else across if len(self.places) == 2 else np.hypot(along, across))
+
+    @property
+    def highest(self) -> float:
+        """Metres by which hands may rise."""
+        return float(self.limits.highest_m - self.places[:, 2].max())
+
+    @property
     def hanging(self) -> np.ndarray:
         """[3] metres by which hands rise until the object hangs free, or as far as they may."""
-        if self.hangs:
-            return np.zeros(3)
-        along, across, up = self.size
-        below = up / 2.0 if not self.lies_flat else across if len(self.places) == 2 else np.hypot(along, across)
-        highest = self.limits.highest_m - self.places[:, 2].max()
-        return np.array([0.0, 0.0, min(below + CLEARANCE_M, highest)])
+        return np.array([0.0, 0.0, 0.0 if self.hangs else min(self.below + CLEARANCE_M, self.highest)])
 
 
 def motions_for(twin: Twin, limits: HandLimits) -> list[HandMotion]:
@@ -299,16 +306,18 @@ def drag(top: TableTop) -> Iterator[HandMotion]:
 
 
 def drop(top: TableTop) -> Iterator[HandMotion]:
-    """Lift, hold and let go."""
-    fastest, up = top.limits.fastest_m_s, top.hanging
+    """Lift as high as hands may, hold and let go, until it lands."""
+    fastest, up = top.limits.fastest_m_s, np.array([0.0, 0.0, top.highest])
+    # Where it lies or hangs before is about where it lands.
+    falls = np.sqrt(2.0 * max(top.highest - top.below, CLEARANCE_M) / GRAVITY)
 
     def write(hand: PathWriter, _: float) -> None:
         hand.move(up, peak_speed=GENTLE * fastest)
-        hand.wait(1.5)
+        hand.wait(1.0)
         hand.let_go()
-        hand.wait(1.5)
+        hand.wait(falls)
 
-    yield _motion(top, "lift and drop", f"lift it by {_centimetres(up[2])}, hold it for 1.5 s and let go of it", write)
+    yield _motion(top, "lift and drop", f"lift it by {_centimetres(up[2])}, hold it for 1 s and let go of it", write)
 
 
 def stretch_and_wait(top: TableTop) -> Iterator[HandMotion]:

@@ -2,14 +2,20 @@
 
 import numpy as np
 
+from egophys_core.constants import GRAVITY
 from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
-from egophys_core.effects.traits import Traits
+from egophys_core.effects.traits import Measurement, Traits
 from egophys_core.effects.uniform_force import add_uniform_force
 
 
 def numbers(values: Values, body: Body) -> np.ndarray:
     """[3] m/s^2."""
     return np.array([values["x"], values["y"], values["z"]])
+
+
+def falls(values: Values) -> np.ndarray:
+    """[4] falls aslant."""
+    return np.array([values["x"], values["y"], values["z"] - GRAVITY, 0.0])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -45,6 +51,7 @@ EFFECT = Effect(
             "hidden_tether",
         ),
         experiment="let it hang still from one corner, then turn the whole set-up by 90 degrees: a tilt turns with it",
+        measured_by=(Measurement.FREE_FALL,),
         same_in_every_motion=True,
         special_cases=("gravity_tilt", "gravity_scale"),
         equivalent_to=("gravity_tilt",),
@@ -52,5 +59,6 @@ EFFECT = Effect(
         is_vertical=is_vertical,
     ),
     starts=starts,
+    falls=falls,
     node_force=NodeForce(function=add_uniform_force, numbers=numbers),
 )

@@ -26,7 +26,7 @@ EFFECT = Effect(
         confounders=("quadratic_drag", "viscoelasticity", "grasp_slip"),
         experiment="move the gripper alone, with a point tracked on it, and correlate its track with the record",
         needs=frozenset({Need.MOVING_GRIP}),
-        measured_by=Measurement.GRIPS,
+        measured_by=(Measurement.GRIPS,),
         same_in_every_motion=True,
     ),
     starts=starts,

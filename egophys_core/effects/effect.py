@@ -143,6 +143,9 @@ class Effect:
     """From values to the rotation [3, 3] from the world, upright and with a level table, to the frame of the record."""
     plumb: Callable[[Values], np.ndarray] | None = None
     """From values to the direction [3] in which a plumb line points in the record, a unit vector."""
+    falls: Callable[[Values], np.ndarray] | None = None
+    """From values to how an object falls that nobody holds, [4]: its acceleration while it is slow, m/s^2, and the
+    deceleration by air over the square of its speed, 1/m."""
     clock: Callable[[Values, np.ndarray], np.ndarray] | None = None
     """From values and times [F] to the times [F] at which the record of the hands, and of their contacts, holds."""
 

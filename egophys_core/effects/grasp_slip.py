@@ -43,7 +43,7 @@ EFFECT = Effect(
         experiment="lift it, hold still for five seconds and go back: the mark under the finger has moved on "
         "the object",
         needs=frozenset({Need.MOVING_GRIP}),
-        measured_by=Measurement.GRIPS,
+        measured_by=(Measurement.GRIPS,),
         is_event=True,
     ),
     starts=starts,

@@ -2,13 +2,21 @@
 
 from dataclasses import replace
 
+import numpy as np
+
+from egophys_core.constants import GRAVITY
 from egophys_core.effects.effect import Body, Effect, Parameter, Surroundings, Values
-from egophys_core.effects.traits import Traits
+from egophys_core.effects.traits import Measurement, Traits
 
 
 def adapt(values: Values, body: Body) -> Body:
     """Gravity times the scale."""
     return replace(body, gravity=body.gravity * values["scale"])
+
+
+def falls(values: Values) -> np.ndarray:
+    """[4] falls faster or more slowly."""
+    return np.array([0.0, 0.0, -GRAVITY * values["scale"], 0.0])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -26,9 +34,11 @@ EFFECT = Effect(
         confounders=("constant_body_force", "tracking_scale", "uneven_mass", "added_mass"),
         experiment="let go of it above the table and time the fall; then let it hang still and look how far "
         "it stretches",
+        measured_by=(Measurement.FREE_FALL,),
         same_in_every_motion=True,
         is_vertical=lambda values: True,
     ),
     starts=starts,
     adapt=adapt,
+    falls=falls,
 )

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from egophys_core.constants import GRAVITY
 from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
 from egophys_core.effects.rotations import rotation
 from egophys_core.effects.traits import Measurement, Traits
@@ -11,6 +12,11 @@ from egophys_core.effects.uniform_force import add_uniform_force
 def plumb(values: Values) -> np.ndarray:
     """The turned direction of gravity."""
     return np.asarray(-rotation(np.array([values["about_x"], values["about_y"], 0.0]))[:, 2])
+
+
+def falls(values: Values) -> np.ndarray:
+    """[4] falls along the plumb line."""
+    return np.array([*(GRAVITY * plumb(values)), 0.0])
 
 
 def numbers(values: Values, body: Body) -> np.ndarray:
@@ -35,7 +41,7 @@ EFFECT = Effect(
         confounders=("constant_body_force", "tracking_rotation", "tracking_offset"),
         experiment="let it slide or roll on the table with no hand near: tilt pulls it downhill, a turned "
         "record does not",
-        measured_by=Measurement.PLUMB_LINE,
+        measured_by=(Measurement.PLUMB_LINE, Measurement.FREE_FALL),
         same_in_every_motion=True,
         equivalent_to=("constant_body_force",),
         is_horizontal=lambda values: True,
@@ -43,5 +49,6 @@ EFFECT = Effect(
     ),
     starts=starts,
     plumb=plumb,
+    falls=falls,
     node_force=NodeForce(function=add_uniform_force, numbers=numbers),
 )

@@ -3,8 +3,9 @@
 import numpy as np
 import warp as wp
 
+from egophys_core.constants import GRAVITY
 from egophys_core.effects.effect import Body, Effect, NodeForce, Parameter, Surroundings, Values
-from egophys_core.effects.traits import Traits
+from egophys_core.effects.traits import Measurement, Traits
 from egophys_core.lanes import LANES, Lanes
 from egophys_core.lanes.state import ParameterArrays, StateArrays
 
@@ -55,6 +56,11 @@ def damping_rate(numbers: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     return 2.0 * numbers[:, 0] * speeds
 
 
+def falls(values: Values) -> np.ndarray:
+    """[4] falls less and less fast."""
+    return np.array([0.0, 0.0, -GRAVITY, values["coefficient"]])
+
+
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     """One: nothing but the size is searched."""
     return [{"coefficient": 2.0}]
@@ -69,8 +75,10 @@ EFFECT = Effect(
     traits=Traits(
         confounders=("bending_damping", "viscoelasticity", "control_delay"),
         experiment="hold it by one corner and swing it at two speeds in still air: drag is fourfold at twice the speed",
+        measured_by=(Measurement.FREE_FALL,),
         same_in_every_motion=True,
     ),
     starts=starts,
+    falls=falls,
     node_force=NodeForce(function=add_drag, numbers=numbers, damping_rate=damping_rate),
 )

@@ -29,7 +29,7 @@ EFFECT = Effect(
         confounders=("gravity_tilt", "tracking_scale", "tracking_offset", "constant_body_force"),
         experiment="let something flat lie on the table: in a turned frame it looks tilted, under tilted gravity level",
         needs=frozenset({Need.MOVING_GRIP}),
-        measured_by=Measurement.TABLE_LEVEL,
+        measured_by=(Measurement.TABLE_LEVEL,),
         same_in_every_motion=True,
         equivalent_in_air=("gravity_tilt",),
     ),

@@ -33,7 +33,7 @@ EFFECT = Effect(
         confounders=("grasp_slip", "gravity_scale", "tracking_rotation", "control_delay", "tracking_offset"),
         experiment="move the gripper alone between two marks whose distance is known, with a point tracked on it",
         needs=frozenset({Need.MOVING_GRIP}),
-        measured_by=Measurement.GRIPS,
+        measured_by=(Measurement.GRIPS,),
         same_in_every_motion=True,
     ),
     starts=starts,

@@ -31,6 +31,8 @@ class Measurement(StrEnum):
     """A sheet that lies flat is level."""
     PLUMB_LINE = "plumb line"
     """A sheet that hangs at rest hangs along it."""
+    FREE_FALL = "free fall"
+    """Nothing but gravity, the air and what acts on all of it moves an object that nobody holds."""
     RING_DOWN = "ring-down"
     """The middle of a ring-down in a clamp that stands still sinks as the material relaxes."""
 
@@ -55,8 +57,8 @@ class Traits:
     equivalent_in_air: tuple[str, ...] = ()
     """Effects that are one thing with it where no table lies aslant, too."""
     needs: frozenset[Need] = frozenset()
-    measured_by: Measurement | None = None
-    """How it is measured directly, if it can be."""
+    measured_by: tuple[Measurement, ...] = ()
+    """How it is measured directly, if it can be; where several tell, the first one counts."""
     same_in_every_motion: bool = False
     """Whether it belongs to the surroundings: episodes that ask for different sizes, of which one makes another worse,
     refute it. An added mass's place and size make up for each other, and a grip slips as it was taken."""

@@ -50,7 +50,7 @@ EFFECT = Effect(
         confounders=("hysteresis", "plasticity", "bending_damping", "quadratic_drag", "control_delay"),
         experiment="stretch it, wait for 5 s, let go and wait again: what relaxes comes back, what flowed does not",
         needs=frozenset({Need.SPRINGS}),
-        measured_by=Measurement.RING_DOWN,
+        measured_by=(Measurement.RING_DOWN,),
         degenerate_parameter="time",
         common_in=frozenset({"lattice"}),
     ),

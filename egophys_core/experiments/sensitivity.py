@@ -6,12 +6,14 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.diagnosis.diagnosis import DetectionLimit
+from egophys_core.diagnosis.direct.free_fall_effects import fall_limits, measured_by_falls
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters
 from egophys_core.diagnosis.evidence.linear_problem import LinearProblem, fit, free_columns, linear_problem
 from egophys_core.diagnosis.evidence.refit import refit
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe, residuals
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import evenly_chosen, probe_effects
+from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import LIBRARY
 from egophys_core.episode import Episode
 from egophys_core.kinds import kind_of
@@ -58,7 +60,22 @@ def limits_in(
         progress=lambda share: None,
         most_starts=STARTS_OF_CHOSEN if refitted else STARTS,
     )
-    return detection_limits(problem, probes, needed_gain=needed_gain)
+    by_residuals = detection_limits(problem, probes, needed_gain=needed_gain)
+    by_falls = fall_limits(
+        measured_by_falls(effects),
+        observations,
+        lies_flat=kind_of(model).lies_flat,
+        needed=Thresholds().measured_gain,
+    )
+    falls = {(each.effect, each.parameter): each for each in by_falls}
+    return tuple(_lower(each, falls.get((each.effect, each.parameter))) for each in by_residuals)
+
+
+def _lower(one: DetectionLimit, other: DetectionLimit | None) -> DetectionLimit:
+    """The limit of a size that is seen from less on."""
+    if other is None or other.size is None:
+        return one
+    return other if one.size is None or other.size < one.size else one
 
 
 def _mismatch(

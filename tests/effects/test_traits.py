@@ -42,17 +42,14 @@ def test_a_degenerate_parameter_says_how_not_how_much(effect: Effect):
 
 @EFFECTS
 def test_what_is_measured_directly_has_the_map_that_it_is_measured_by(effect: Effect):
-    traits, has_map = effect.traits, True
-    match traits.measured_by:
-        case Measurement.GRIPS:
-            has_map = any((effect.clock, effect.drive, effect.slide))
-        case Measurement.TABLE_LEVEL:
-            has_map = effect.frame is not None
-        case Measurement.PLUMB_LINE:
-            has_map = effect.plumb is not None
-        case Measurement.RING_DOWN:
-            has_map = traits.degenerate_parameter is not None and len(effect.parameters) == 2
-    assert has_map
+    has_map = {
+        Measurement.GRIPS: any((effect.clock, effect.drive, effect.slide)),
+        Measurement.TABLE_LEVEL: effect.frame is not None,
+        Measurement.PLUMB_LINE: effect.plumb is not None,
+        Measurement.FREE_FALL: effect.falls is not None,
+        Measurement.RING_DOWN: effect.traits.degenerate_parameter is not None and len(effect.parameters) == 2,
+    }
+    assert all(has_map[each] for each in effect.traits.measured_by)
 
 
 @EFFECTS

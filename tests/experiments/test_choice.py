@@ -140,7 +140,9 @@ def test_a_swing_shows_drag_at_a_smaller_size_than_a_slow_drag_over_the_table():
 
 def test_of_an_object_with_one_graph_alone_the_least_residuals_set_the_limits(monkeypatch):
     # A cable has no variants.
-    monkeypatch.setattr(sensitivity, "kind_of", lambda model: SimpleNamespace(variants=lambda model: []))
+    monkeypatch.setattr(
+        sensitivity, "kind_of", lambda model: SimpleNamespace(variants=lambda model: [], lies_flat=True)
+    )
     model = sheet()
     motion = next(each for each in motions_for(twin_of(model), PERSON) if each.name == "hang still, two hands")
     episode = predicted_episode(model, motion, ground_height=0.0)

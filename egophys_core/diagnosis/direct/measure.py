@@ -1,13 +1,15 @@
 """Effects that are measured directly, before any physics of the object.
 
 Grips tell whether the record of the hands is early, too small or too large, and whether the object slips; what lies
-flat tells whether the tracking frame is level; what hangs, where gravity points in it; what swings in a clamp, whether
-its material relaxes. The twin, which is never right, has no part in it.
+flat tells whether the tracking frame is level; what hangs, where gravity points in it; what falls, all that pulls at
+it, and the air; what swings in a clamp, whether its material relaxes. The twin, which is never right, has no part in
+it.
 """
 
 from collections.abc import Collection, Sequence
 
 from egophys_core.diagnosis.diagnosis import DetectionLimit
+from egophys_core.diagnosis.direct.free_fall_effects import fall_limits, free_fall_effects, measured_by_falls
 from egophys_core.diagnosis.direct.grip_effects import grip_effects
 from egophys_core.diagnosis.direct.grip_limits import grip_limits
 from egophys_core.diagnosis.direct.measured import Estimator, MeasuredEffect, Recordings
@@ -23,6 +25,7 @@ ESTIMATORS: dict[Measurement, Estimator] = {
     Measurement.TABLE_LEVEL: table_level_effects,
     Measurement.PLUMB_LINE: plumb_line_effects,
     Measurement.GRIPS: grip_effects,
+    Measurement.FREE_FALL: free_fall_effects,
     Measurement.RING_DOWN: ring_down_effects,
 }
 """How each kind of measurement is made, of whatever effects say that they are measured by it."""
@@ -35,7 +38,7 @@ def measured_limits(
     lies_flat: bool,
     thresholds: Thresholds,
 ) -> list[DetectionLimit]:
-    """How large the effects must be that grips tell, beside those that show.
+    """How large the effects must be that grips and falls tell, beside those that show.
 
     Args:
         observations: what was measured.
@@ -46,9 +49,13 @@ def measured_limits(
     recordings = Recordings(
         fitted=observations, validation=(), lies_flat=lies_flat, resamples=0, seed=0, thresholds=thresholds
     )
-    by_grips = [each for each in measured if effect_named(each.name).traits.measured_by is Measurement.GRIPS]
+    by_grips = [each for each in measured if Measurement.GRIPS in effect_named(each.name).traits.measured_by]
     known = {each.name: each.values for each in by_grips if each.shows}
-    return grip_limits([each.name for each in by_grips], known, recordings) if by_grips else []
+    by_falls = measured_by_falls([each.name for each in measured])
+    return [
+        *(grip_limits([each.name for each in by_grips], known, recordings) if by_grips else []),
+        *fall_limits(by_falls, observations, lies_flat=lies_flat, needed=thresholds.measured_gain),
+    ]
 
 
 def measure(
@@ -82,12 +89,13 @@ def measure(
         seed=seed,
         thresholds=thresholds or Thresholds(),
     )
-    found = []
+    found = list[MeasuredEffect]()
     for measurement, estimate in ESTIMATORS.items():
+        known = {*without, *(each.name for each in found)}
         names = [
             effect.name
             for effect in LIBRARY.values()
-            if effect.traits.measured_by == measurement and effect.name not in without
+            if measurement in effect.traits.measured_by and effect.name not in known
         ]
         found += estimate(names, recordings) if names else []
     return sorted(found, key=lambda each: (not each.shows, -each.fitted_gain))

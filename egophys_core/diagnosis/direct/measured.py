@@ -43,6 +43,8 @@ class MeasuredEffect:
     reason: str
     criteria: tuple[CriterionResult, ...]
     """What it was held against."""
+    alike: tuple["MeasuredEffect", ...] = ()
+    """Effects that are one thing with it under other names, and explain what was measured as well."""
 
     @property
     def shows(self) -> bool:

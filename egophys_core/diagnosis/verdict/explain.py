@@ -80,6 +80,10 @@ def explain(
     if last.outcome == Outcome.AMBIGUOUS:
         named += last.named
         fitted = last.named[0].fitted
+    alike = [other for each in shown for other in each.alike]
+    if alike:
+        outcome = Outcome.AMBIGUOUS if len(named) == len(shown) == 1 else Outcome.NAMED_AND_AMBIGUOUS
+        named += alike
     if last.outcome != Outcome.NAMED and (outcome != Outcome.NAMED or not named):
         reasons.append(last.reason)
     return Explanation(

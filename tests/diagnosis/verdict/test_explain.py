@@ -12,8 +12,9 @@ from egophys_core.diagnosis.verdict import explain
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from tests.diagnosis.findings import make_decision
 
-DELAY = SimpleNamespace(name="control_delay", shows=True, reason="control_delay is measured")
-ABSENT = SimpleNamespace(name="tracking_scale", shows=False, reason="tracking_scale is measured")
+DELAY = SimpleNamespace(name="control_delay", shows=True, reason="control_delay is measured", alike=())
+ABSENT = SimpleNamespace(name="tracking_scale", shows=False, reason="tracking_scale is measured", alike=())
+ASIDE = SimpleNamespace(name="tilt", shows=True, reason="tilt is measured", alike=(SimpleNamespace(name="force"),))
 
 
 def judged(name: str) -> SimpleNamespace:
@@ -49,6 +50,9 @@ EITHER = verdict(Outcome.AMBIGUOUS, "tilt", "force")
         ([DELAY], [DRAG], Outcome.NAMED, ["control_delay", "drag"], "with drag"),
         ([ABSENT], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
         ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], "baseline"),
+        ([ASIDE], [NONE], Outcome.AMBIGUOUS, ["tilt", "force"], "baseline"),
+        ([ASIDE], [DRAG], Outcome.NAMED_AND_AMBIGUOUS, ["tilt", "drag", "force"], "with drag"),
+        ([DELAY, ASIDE], [NONE], Outcome.NAMED_AND_AMBIGUOUS, ["control_delay", "tilt", "force"], "baseline"),
         ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], "baseline"),
     ],
 )

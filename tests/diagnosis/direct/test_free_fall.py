@@ -1,0 +1,128 @@
+"""What falls tell: how something fell comes back, and by which effects."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from egophys_core.diagnosis.direct.free_fall import fallen, falls_in, motion_of
+from egophys_core.diagnosis.direct.free_fall_effects import fall_limits, free_fall_effects, measured_by_falls
+from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings
+from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.effects import LIBRARY
+from egophys_core.episode import Episode
+from egophys_core.observation import observe_episode
+from tests.observation.falling import dropped
+
+NAMES = measured_by_falls(sorted(LIBRARY))
+G = 9.81
+
+
+def tracked(episode: Episode) -> Any:
+    """What is asked of an episode that was prepared for a twin."""
+    seen = observe_episode(episode)
+    return SimpleNamespace(
+        rest=seen.at_rest,
+        episode=seen.episode,
+        falls=seen.falls,
+        hangs=seen.hangs,
+        contact=seen.contact,
+        tracks=SimpleNamespace(positions=seen.episode.points),
+    )
+
+
+def found(*episodes: Episode, validation: tuple[Episode, ...] = (), names: list[str] = NAMES) -> list[MeasuredEffect]:
+    recordings = Recordings(
+        fitted=[tracked(each) for each in episodes],
+        validation=[tracked(each) for each in validation],
+        lies_flat=False,
+        resamples=0,
+        seed=0,
+        thresholds=Thresholds(),
+    )
+    return free_fall_effects(names, recordings)
+
+
+def shown(effects: list[MeasuredEffect]) -> list[MeasuredEffect]:
+    return [each for each in effects if each.shows]
+
+
+def test_a_fall_without_air_is_a_parabola():
+    times, velocity, motion = np.array([0.0, 0.1, 0.37]), np.array([0.3, 0.0, -0.2]), np.array([0.5, 0.0, -G, 0.0])
+    expected = times[:, None] * velocity + 0.5 * times[:, None] ** 2 * motion[:3]
+    assert fallen(times, velocity=velocity, motion=motion) == pytest.approx(expected, abs=1e-12)
+
+
+def test_what_falls_long_in_air_falls_by_the_logarithm_of_a_hyperbolic_cosine():
+    # x = ln(cosh(sqrt(g c) t)) / c of what falls from rest (Batchelor's quadratic drag).
+    times, drag = np.linspace(0.0, 0.5, 6), 14.0
+    x = np.log(np.cosh(np.sqrt(G * drag) * times)) / drag
+    moved = fallen(times, velocity=np.zeros(3), motion=np.array([0.0, 0.0, -G, drag]))
+    assert moved[:, 2] == pytest.approx(-x, abs=2e-4)
+
+
+@pytest.mark.parametrize("thrown", [(0.0, 0.0, 0.0), (0.4, -0.2, 0.3)])
+@pytest.mark.parametrize("motion", [(0.0, 0.0, -G, 0.0), (1.2, -0.7, -6.0, 0.0), (0.0, 0.0, -G, 5.0)])
+def test_how_it_fell_comes_back_however_it_was_let_go(thrown: tuple[float, ...], motion: tuple[float, ...]):
+    times = np.arange(9) / 30.0
+    places = 0.3 + fallen(times, velocity=np.array(thrown), motion=np.array(motion))
+    again, missed = motion_of(times, places)
+    assert again == pytest.approx(motion, abs=1e-3)
+    assert missed < 1e-6
+
+
+def test_gravity_is_named_by_one_fall_and_not_the_force_that_does_the_same():
+    (gravity,) = shown(found(dropped(2.81, acceleration=(0.0, 0.0, -0.7 * G))))
+    assert gravity.name == "gravity_scale"
+    low, high = gravity.parameters["scale"].ci95
+    assert low < 0.7 < high
+    assert high - low < 0.15
+    assert not gravity.alike
+
+
+def test_what_is_pulled_aside_is_two_things():
+    (tilt,) = shown(found(dropped(2.81, acceleration=(0.0, 0.9, -G))))
+    assert [tilt.name, *(each.name for each in tilt.alike)] == ["gravity_tilt", "constant_body_force"]
+    assert tilt.alike[0].values["y"] == pytest.approx(0.9, abs=0.1)
+    assert "as it would by constant_body_force or tracking_rotation" in tilt.reason
+
+
+def test_drag_is_told_from_a_gravity_that_is_less():
+    (drag,) = shown(found(dropped(2.81, drag=6.0), dropped(2.83, drag=6.0)))
+    assert drag.name == "quadratic_drag"
+    assert drag.values["coefficient"] == pytest.approx(6.0, rel=0.1)
+
+
+def test_nothing_injected_nothing_shows():
+    effects = found(dropped(2.81))
+    assert sorted(each.name for each in effects) == NAMES
+    assert not shown(effects)
+
+
+def test_another_fall_that_shows_nothing_speaks_against_an_effect():
+    assert not shown(found(dropped(2.81, acceleration=(0.9, 0.0, -G)), validation=(dropped(2.83),)))
+
+
+def test_two_falls_that_are_pulled_to_opposite_sides_show_nothing():
+    sides = [dropped(2.81 + 0.01 * side, acceleration=(0.9 * side, 0.0, -G)) for side in (1, -1)]
+    assert not shown(found(*sides))
+
+
+@pytest.mark.parametrize("short", [{"rate": 10.0}, {"acceleration": (0.0, 0.0, -40.0)}])
+def test_what_falls_for_too_few_frames_tells_nothing(short: dict[str, Any]):
+    assert found(dropped(2.81, **short)) == []
+
+
+def test_what_was_never_let_go_tells_nothing():
+    assert not falls_in(tracked(dropped(2.81, acceleration=(0.0, 0.0, 0.0))))
+
+
+def test_limits_are_the_sizes_that_are_named():
+    observed = [tracked(dropped(2.81))]
+    limits = fall_limits(["gravity_scale"], observed, lies_flat=False, needed=Thresholds().measured_gain)
+    (size,) = (each.size for each in limits)
+    assert size is not None
+    assert shown(found(dropped(2.81, acceleration=(0.0, 0.0, -G * (1 - 1.5 * size)))))
+    assert not shown(found(dropped(2.81, acceleration=(0.0, 0.0, -G * (1 - 0.5 * size)))))
+    assert fall_limits(["gravity_scale"], [], lies_flat=False, needed=1.0) == []

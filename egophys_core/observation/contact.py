@@ -217,7 +217,7 @@ def _next_onset(scene: HandScene, start: int) -> _Onset | None:
 
 def _follow(scene: HandScene, first: int, held: np.ndarray) -> tuple[int, float]:
     """Last frame in which the points `held` [N] go with the hand, and the metres that it drew them without pushing."""
-    together, most, last, pulled = 0.0, 0.0, first, 0.0
+    together, most, swung, last, pulled = 0.0, 0.0, 0.0, first, 0.0
     drifts = scene.drifts(held, first)
     for frame in range(first, scene.frames):
         along = scene.along(frame, held)
@@ -227,9 +227,11 @@ def _follow(scene: HandScene, first: int, held: np.ndarray) -> tuple[int, float]
         speed, against = scene.speeds(frame, held)
         if against is not None:
             # What a hand drops leaves it although it stands still; what slips through it creeps.
-            together -= scene.seconds[frame] * max(0.0, against - max(scene.still, speed))
-        most = max(most, together)
-        if together >= most - SWUNG * scene.step_m:
+            swing = scene.seconds[frame] * max(0.0, against - max(scene.still, speed))
+            together, swung = together - swing, swung + swing
+        if together >= most:
+            most, swung = together, 0.0
+        if together + min(swung, SWUNG * scene.step_m) >= most:
             last = frame
         # What swings or is stamped wrongly comes back: hand and points must have parted as far as they lost each other.
         parted = float(np.linalg.norm(drifts[frame] - drifts[last]))

@@ -22,7 +22,7 @@ from benchmarks.injected import DIAGNOSIS, FIT, POINTS
 from benchmarks.kept import kept_in
 from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
-from egophys_core.diagnosis.diagnose import Finding, fitted_and_validation
+from egophys_core.diagnosis.diagnose import fitted_and_validation
 from egophys_core.diagnosis.diagnosis import Diagnosis
 from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
 from egophys_core.diagnosis.evidence.predicting_twin import predicting_pair
@@ -30,7 +30,7 @@ from egophys_core.diagnosis.evidence.refit import refit_from
 from egophys_core.diagnosis.evidence.residuals import observe
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
-from egophys_core.experiments import PERSON, Proposal, diagnose_and_ask
+from egophys_core.experiments import PERSON, Conclusion, Proposal, diagnose_and_ask
 from egophys_core.experiments.hand_path import plan_of_path
 from egophys_core.files import write_json
 from egophys_core.identification import build
@@ -131,16 +131,13 @@ def measure(case: AskedCase) -> dict[str, Any]:
     seeds = [len(PASSIVE), *range(len(PASSIVE) + 1 + MOST_ASKED, len(PASSIVE) + MOST_ASKED + len(JUDGED_ON))]
     judged_on = [handle(motion, seed=10 * case.seed + index) for motion, index in zip(JUDGED_ON, seeds, strict=True)]
     twin = build(episodes, FIT, seed=0)
-    recorded = list(episodes)
 
     def world(proposal: Proposal, number: int) -> Episode:
         plans = [plan_of_path(each, "") for each in proposal.motion.paths]
         seed = 10 * case.seed + len(PASSIVE) + number
-        done = rehearse_plans(
+        return rehearse_plans(
             options, plans, name=f"asked_{number}", seed=seed, effects=case.effects, object_seed=case.seed
         )
-        recorded.insert(0, done)
-        return done
 
     started = time.monotonic()
     answer = diagnose_and_ask(twin, episodes, DIAGNOSIS, world, most=MOST_ASKED, limits=PERSON, report_on=judged_on)
@@ -148,7 +145,7 @@ def measure(case: AskedCase) -> dict[str, Any]:
     diagnosis = answer.finding.diagnosis
     first = answer.asked[0].before.diagnosis if answer.asked else diagnosis
     limits, passive_limits = ([asdict(each) for each in found.limits] for found in (diagnosis, first))
-    true = errors_with_true_effect(twin, answer.finding, recorded, judged_on, case)
+    true = errors_with_true_effect(twin, answer, judged_on, case)
     errors = {each.episode: each for each in diagnosis.error}
     first_judged, *others = (errors[each.name] for each in judged_on)
     return {
@@ -189,7 +186,7 @@ def measure(case: AskedCase) -> dict[str, Any]:
 
 
 def errors_with_true_effect(
-    twin: Twin, finding: Finding, recorded: Sequence[Episode], judged_on: Sequence[Episode], case: AskedCase
+    twin: Twin, answer: Conclusion, judged_on: Sequence[Episode], case: AskedCase
 ) -> Sequence[float | None]:
     """Metres, track errors of motions that had no part in it, of the twin refitted beside what was injected, if any.
 
@@ -197,11 +194,12 @@ def errors_with_true_effect(
     named and with it, and free rollouts choose the baseline, as they do for what is named.
 
     Args:
-        recorded: all that was diagnosed, in its order.
+        answer: of the loop.
         judged_on: those motions.
     """
     if not case.effects:
         return [None] * len(judged_on)
+    finding, recorded = answer.finding, answer.recorded
     observed = observe_episodes([*recorded, *judged_on])
     observations = [observe(replace(twin.model, effects=()), each) for each in observed]
     fitted, _ = fitted_and_validation(observations[: len(recorded)])

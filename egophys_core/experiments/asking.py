@@ -40,6 +40,8 @@ class Conclusion:
 
     finding: Finding
     """The last diagnosis, of all that was recorded."""
+    recorded: tuple[AnyEpisode, ...]
+    """These, in the order in which they were diagnosed."""
     asked: tuple[Asked, ...]
     """What was asked, in order."""
     ended: str
@@ -117,7 +119,12 @@ def diagnose_and_ask(
                 asked.append(Asked(proposal=proposal, before=finding))
                 recorded.insert(0, world(proposal, len(asked)))
                 finding = look(2 * len(asked))
-    return Conclusion(finding=finding, asked=tuple(asked), ended=ended + _no_longer_named(asked, finding))
+    return Conclusion(
+        finding=finding,
+        recorded=tuple(recorded),
+        asked=tuple(asked),
+        ended=ended + _no_longer_named(asked, finding),
+    )
 
 
 def _no_longer_named(asked: Sequence[Asked], finding: Finding) -> str:

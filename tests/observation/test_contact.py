@@ -62,9 +62,11 @@ def seconds(duration: float, rate: float = 30.0) -> np.ndarray:
     return np.arange(round(duration * rate) + 1) / rate
 
 
-def observed(times: np.ndarray, points: np.ndarray, controllers: np.ndarray, noise: float = 0.0015) -> Episode:
+def observed(
+    times: np.ndarray, points: np.ndarray, controllers: np.ndarray, noise: float = 0.0015, seed: int = 0
+) -> Episode:
     """The episode with noise on the points."""
-    scatter = np.random.default_rng(0).normal(0, noise, points.shape)
+    scatter = np.random.default_rng(seed).normal(0, noise, points.shape)
     return episode_of(points + scatter, controllers, times)
 
 

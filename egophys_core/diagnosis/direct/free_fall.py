@@ -44,6 +44,8 @@ class Fall:
     motions: np.ndarray
     """[2, 4] of each half: the acceleration while it is slow, m/s^2, and the deceleration by air over the square of
     its speed, 1/m."""
+    widths: np.ndarray
+    """[2, 4] standard deviations of these by the noise of the tracks."""
 
 
 def falls_in(observation: TrackedEpisode) -> list[Fall]:
@@ -76,14 +78,14 @@ def _fall_from(observation: TrackedEpisode, first: int) -> Fall | None:
     since = times[frames] - times[frames[0]]
     halves = [falling[:, tracks[part::2]].mean(axis=1, dtype=np.float64) for part in range(2)]
     found = [motion_of(since, each) for each in halves]
-    if max(missed for _, missed in found) > MISSES_M:
+    if max(missed for *_, missed in found) > MISSES_M:
         return None
-    return Fall(motions=np.array([motion for motion, _ in found]))
+    return Fall(motions=np.array([motion for motion, *_ in found]), widths=np.array([width for _, width, _ in found]))
 
 
-def motion_of(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, float]:
-    """How something falls, [4] as in `Fall`, that is at places [F, 3] metres at times [F] seconds from 0 on; and the
-    metres, root mean square, by which it misses that."""
+def motion_of(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """How something falls, [4] as in `Fall`, that is at places [F, 3] metres at times [F] seconds from 0 on; the
+    standard deviations [4] of that, and the metres, root mean square, by which it misses it."""
     first = (places[1] - places[0]) / (times[1] - times[0])
 
     def left(unknown: np.ndarray) -> np.ndarray:
@@ -94,7 +96,10 @@ def motion_of(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, float]
     start = np.array([*first, 0.0, 0.0, -GRAVITY, 0.0])
     scales = np.array([1.0, 1.0, 1.0, GRAVITY, GRAVITY, GRAVITY, 1.0])
     found = least_squares(lambda unknown: left(unknown).ravel(), start, x_scale=scales)
-    return found.x[3:], float(np.sqrt(np.mean(np.sum(left(found.x) ** 2, axis=1))))
+    squares = np.sum(left(found.x) ** 2, axis=1)
+    freedom = places.size - len(start) - 3
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * squares.sum() / freedom
+    return found.x[3:], np.sqrt(np.diag(covariance)[3:]), float(np.sqrt(squares.mean()))
 
 
 def fallen(times: np.ndarray, *, velocity: np.ndarray, motion: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from egophys_core.constants import GRAVITY
 from egophys_core.diagnosis.diagnosis import DetectionLimit, Estimate
-from egophys_core.diagnosis.direct.free_fall import Fall, falls_in
+from egophys_core.diagnosis.direct.free_fall import falls_in
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.least_size import least_share
@@ -34,26 +34,40 @@ NARROWINGS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
+class Halves:
+    """Halves of the tracks of falls: each is left out in turn, and counts as half a fall."""
+
+    off: np.ndarray
+    """[H, 4] by how much each fell otherwise than `FREELY`."""
+    spread: np.ndarray
+    """[H, 4] standard deviations of that."""
+
+    def but(self, index: int) -> "Halves":
+        """All but one."""
+        return Halves(off=np.delete(self.off, index, axis=0), spread=np.delete(self.spread, index, axis=0))
+
+    def gains(self, without: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        """[H] what they gain in log-likelihood by falling otherwise in one way [4] over another."""
+        return np.asarray(np.sum(((self.off - without) ** 2 - (self.off - motion) ** 2) / self.spread**2, axis=1) / 4.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class FallFit:
     """Effects fitted to falls."""
 
     values: dict[str, dict[str, float]]
     """By effect and parameter."""
     motion: np.ndarray
-    """[4] how something falls with them, in standard deviations off `FREELY`."""
+    """[4] by how much something falls otherwise with them than `FREELY`."""
     widths: dict[str, dict[str, float]]
     """Standard deviations of the values."""
 
 
 def free_fall_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredEffect]:
     """What falls tell of the effects of some names, where there is one."""
-    falls = [_off(each) for one in recordings.fitted for each in falls_in(one)]
-    if recordings.lies_flat or not falls:
+    halves, checks = _halves(recordings.fitted), _halves(recordings.validation)
+    if recordings.lies_flat or halves is None:
         return []
-    # Each half of the tracks of a fall is left out in turn, and counts as half a fall.
-    halves = np.concatenate(falls)
-    validation = [_off(each) for one in recordings.validation for each in falls_in(one)]
-    checks = np.concatenate(validation) if validation else None
     best, others = _selected(halves, names, recordings)
     fits = {**dict.fromkeys(best.values, best), **others}
 
@@ -64,9 +78,7 @@ def free_fall_effects(names: Sequence[str], recordings: Recordings) -> list[Meas
     return [replace(each, alike=tuple(map(held_against, *_equivalents(each, fits, halves)))) for each in found]
 
 
-def _equivalents(
-    shown: MeasuredEffect, fits: Mapping[str, FallFit], halves: np.ndarray
-) -> tuple[list[str], list[FallFit]]:
+def _equivalents(shown: MeasuredEffect, fits: Mapping[str, FallFit], halves: Halves) -> tuple[list[str], list[FallFit]]:
     """Effects that are one thing with one that shows, and the fits in which they take its place."""
     traits = effect_named(shown.name).traits
     if not (shown.shows and traits.is_horizontal(shown.values)):
@@ -84,8 +96,8 @@ def fall_limits(
     Args:
         needed: gain in log-likelihood from which an effect shows.
     """
-    count = sum(len(falls_in(each)) for each in observations)
-    if lies_flat or not count:
+    halves = _halves(observations)
+    if lies_flat or halves is None:
         return []
     found = []
     for effect in map(effect_named, names):
@@ -94,7 +106,7 @@ def fall_limits(
             if null is None:
                 continue
             ends = [end - null for end in (parameter.low, parameter.high) if end != null]
-            sizes = [_least(effect, parameter, end, count, needed) for end in ends]
+            sizes = [_least(effect, parameter, end, halves, needed) for end in ends]
             shown = [each for each in sizes if each is not None]
             found.append(
                 DetectionLimit(
@@ -114,19 +126,25 @@ def measured_by_falls(names: Collection[str]) -> list[str]:
     return [name for name in names if Measurement.FREE_FALL in effect_named(name).traits.measured_by]
 
 
-def _off(fall: Fall) -> np.ndarray:
-    """[2, 4] standard deviations by which its halves are off `FREELY`."""
-    return (fall.motions - FREELY) / SPREAD
+def _halves(observations: Sequence[TrackedEpisode]) -> Halves | None:
+    """Those of all falls of episodes; None without a fall."""
+    falls = [each for one in observations for each in falls_in(one)]
+    if not falls:
+        return None
+    return Halves(
+        off=np.concatenate([each.motions for each in falls]) - FREELY,
+        spread=np.hypot(SPREAD, np.concatenate([each.widths for each in falls])),
+    )
 
 
 def _motion(values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
-    """[4] standard deviations by which something with effects falls otherwise than freely."""
+    """[4] by how much something with effects falls otherwise than freely."""
     moved = [effect_named(name).falls(dict(own)) - FREELY for name, own in values.items()]  # type: ignore[misc]
-    return np.asarray(sum(moved, np.zeros(4)) / SPREAD)
+    return np.asarray(sum(moved, np.zeros(4)))
 
 
-def _fit(halves: np.ndarray, names: Sequence[str]) -> FallFit:
-    """Effects fitted together to halves of falls [H, 4]."""
+def _fit(halves: Halves, names: Sequence[str]) -> FallFit:
+    """Effects fitted together to falls."""
     parameters = [(name, each) for name in names for each in effect_named(name).parameters]
 
     def named(numbers: np.ndarray) -> dict[str, dict[str, float]]:
@@ -137,13 +155,17 @@ def _fit(halves: np.ndarray, names: Sequence[str]) -> FallFit:
 
     if not parameters:
         return FallFit(values={}, motion=np.zeros(4), widths={})
-    mean = halves.mean(axis=0)
     bounds = np.array([(each.low, each.high) for _, each in parameters]).T
     null = np.array([each.null or 0.0 for _, each in parameters])
     steps = np.array([each.step for _, each in parameters])
     start = np.clip(null + 0.1 * steps, *bounds)
-    found = least_squares(lambda numbers: _motion(named(numbers)) - mean, start, bounds=bounds, x_scale=steps)
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) / (len(halves) / 2.0)
+
+    def left(numbers: np.ndarray) -> np.ndarray:
+        # Two halves are one fall.
+        return np.ravel((halves.off - _motion(named(numbers))) / (np.sqrt(2.0) * halves.spread))
+
+    found = least_squares(left, start, bounds=bounds, x_scale=steps)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
     return FallFit(
         values=named(found.x),
         motion=_motion(named(found.x)),
@@ -151,12 +173,7 @@ def _fit(halves: np.ndarray, names: Sequence[str]) -> FallFit:
     )
 
 
-def _gains(halves: np.ndarray, without: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    """[H] what halves of falls [H, 4] gain in log-likelihood by one motion [4] over another."""
-    return np.asarray(np.sum((halves - without) ** 2 - (halves - motion) ** 2, axis=1) / 4.0)
-
-
-def _selected(halves: np.ndarray, names: Sequence[str], recordings: Recordings) -> tuple[FallFit, dict[str, FallFit]]:
+def _selected(halves: Halves, names: Sequence[str], recordings: Recordings) -> tuple[FallFit, dict[str, FallFit]]:
     """Forward selection: the fit with one effect after the other as long as one gains, and those with one more each.
 
     Of a general effect and a special case that explains about as much the special case is taken.
@@ -164,7 +181,7 @@ def _selected(halves: np.ndarray, names: Sequence[str], recordings: Recordings) 
     thresholds, best = recordings.thresholds, _fit(halves, ())
     while left := [name for name in names if name not in best.values]:
         others = {name: _fit(halves, (*best.values, name)) for name in left}
-        gains = {name: float(_gains(halves, best.motion, fit.motion).sum()) for name, fit in others.items()}
+        gains = {name: float(halves.gains(best.motion, fit.motion).sum()) for name, fit in others.items()}
         name = max(left, key=lambda each: gains[each])
         if gains[name] < thresholds.measured_gain:
             return best, others
@@ -177,21 +194,20 @@ def _selected(halves: np.ndarray, names: Sequence[str], recordings: Recordings) 
 def _measured(
     name: str,
     fit: FallFit,
-    halves: np.ndarray,
-    validation: np.ndarray | None,
+    halves: Halves,
+    validation: Halves | None,
     recordings: Recordings,
 ) -> MeasuredEffect:
     """One of the effects that falls were fitted with, held against the same fit without it."""
     effect, rest = effect_named(name), tuple(each for each in fit.values if each != name)
     without = _fit(halves, rest).motion
     held_out = []
-    for index in range(len(halves)):
-        others = np.delete(halves, index, axis=0)
-        before, after = (_fit(others, each).motion for each in (rest, (*rest, name)))
-        held_out.append(float(_gains(halves[index : index + 1], before, after)[0]))
-    fitted = float(_gains(halves, without, fit.motion).sum())
+    for index in range(len(halves.off)):
+        before, after = (_fit(halves.but(index), each).motion for each in (rest, (*rest, name)))
+        held_out.append(float(halves.gains(before, after)[index]))
+    fitted = float(halves.gains(without, fit.motion).sum())
     also = (*effect.traits.equivalent_to, *effect.traits.equivalent_in_air)
-    fell = halves.mean(axis=0) * SPREAD + FREELY
+    fell = halves.off.mean(axis=0) + FREELY
     return measured(
         name,
         parameters={
@@ -204,9 +220,9 @@ def _measured(
         },
         fitted_gain=fitted,
         held_out_gains=held_out,
-        validation_gain=None if validation is None else float(_gains(validation, without, fit.motion).sum()),
+        validation_gain=None if validation is None else float(validation.gains(without, fit.motion).sum()),
         p_null=float(chi2.sf(2.0 * fitted, len(effect.parameters))),
-        reason=f"{name} is measured in {len(halves) // 2} falls: it falls by "
+        reason=f"{name} is measured in {len(halves.off) // 2} falls: it falls by "
         f"({', '.join(f'{value:.2f}' for value in fell[:3])}) m/s^2, and air takes {max(fell[3], 0.0):.1f} 1/m of its "
         "speed squared" + (f", as it would by {' or '.join(also)}" if also else ""),
         thresholds=recordings.thresholds,
@@ -217,13 +233,13 @@ def _interval(value: float, width: float) -> tuple[float, float]:
     return value - 1.96 * width, value + 1.96 * width
 
 
-def _least(effect: Effect, parameter: Parameter, end: float, count: int, needed: float) -> float | None:
-    """How far off no effect towards a bound a size must be to gain what is needed in so many falls."""
+def _least(effect: Effect, parameter: Parameter, end: float, halves: Halves, needed: float) -> float | None:
+    """How far off no effect towards a bound a size must be to gain what is needed in falls."""
 
     def gain(share: float) -> float:
         values = {each.name: each.null or 0.0 for each in effect.parameters}
         values[parameter.name] += share * end
-        return float(count * np.sum(_motion({effect.name: values}) ** 2) / 2.0)
+        return float(np.sum((_motion({effect.name: values}) / halves.spread) ** 2) / 4.0)
 
     share = least_share(gain, needed, narrowings=NARROWINGS)
     return None if share is None else abs(end) * share

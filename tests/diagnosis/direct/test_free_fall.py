@@ -100,11 +100,6 @@ def test_nothing_injected_nothing_shows():
     assert not shown(effects)
 
 
-def test_noise_is_told_from_a_force():
-    # Of tracks of 8 mm noise the mean falls by up to half a metre a square second to the side.
-    assert not any(shown(found(dropped(2.81, noise=0.008, seed=seed))) for seed in range(8))
-
-
 def test_another_fall_that_shows_nothing_speaks_against_an_effect():
     assert not shown(found(dropped(2.81, acceleration=(0.9, 0.0, -G)), validation=(dropped(2.83),)))
 
@@ -131,3 +126,16 @@ def test_limits_are_the_sizes_that_are_named():
     assert shown(found(dropped(2.81, acceleration=(0.0, 0.0, -G * (1 - 1.5 * size)))))
     assert not shown(found(dropped(2.81, acceleration=(0.0, 0.0, -G * (1 - 0.5 * size)))))
     assert fall_limits(["gravity_scale"], [], lies_flat=False, needed=1.0) == []
+
+
+def test_noise_of_the_tracks_is_in_the_limits():
+    # It is told from a fall's own misses: 1.5 and 8 mm of each of a hundred tracks.
+    sizes = [
+        fall_limits(["gravity_tilt"], [tracked(dropped(2.81, noise=noise, seed=2))], lies_flat=False, needed=12.0)[
+            0
+        ].size
+        for noise in (0.0015, 0.008)
+    ]
+    assert sizes[0] is not None
+    assert sizes[1] is not None
+    assert sizes[1] > 1.3 * sizes[0]

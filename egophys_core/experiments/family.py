@@ -36,6 +36,9 @@ GENTLE = 0.6
 SLOW_M_S = 0.04
 """At which it is dragged slowly."""
 
+LETS_GO_S = 0.2
+"""Seconds that a hand, or the gripper of an arm, takes to let go."""
+
 TURNED_RAD = 0.8
 """To either side, by which a wrist turns: two of them in the time that there is."""
 
@@ -315,7 +318,7 @@ def drop(top: TableTop) -> Iterator[HandMotion]:
         hand.move(up, peak_speed=GENTLE * fastest)
         hand.wait(1.0)
         hand.let_go()
-        hand.wait(falls)
+        hand.wait(LETS_GO_S + falls)
 
     yield _motion(top, "lift and drop", f"lift it by {_centimetres(up[2])}, hold it for 1 s and let go of it", write)
 

@@ -15,9 +15,9 @@ from egophys_core.constants import GRAVITY
 from egophys_core.diagnosis.diagnosis import DetectionLimit, Estimate
 from egophys_core.diagnosis.direct.free_fall import falls_in
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
+from egophys_core.diagnosis.direct.size_limits import size_limits
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
-from egophys_core.diagnosis.least_size import least_share
-from egophys_core.effects import Effect, Parameter, effect_named
+from egophys_core.effects import Effect, effect_named
 from egophys_core.effects.traits import Measurement
 
 FREELY = np.array([0.0, 0.0, -GRAVITY, 0.0])
@@ -28,9 +28,6 @@ SPREAD = np.array([0.07, 0.07, 0.25, 0.3])
 of it, and turns about the rest. 60 falls of 10 rehearsed ellipsoids and boxes, a third each with nothing, an added mass
 and viscoelasticity in them, were off by 0.03, 0.02, 0.35 and 0.17 (root mean square; largest 0.07, 0.04, 0.63, 0.28):
 air takes 0.5 1/s of their speed there."""
-
-NARROWINGS = 12
-"""Bisections of a limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,26 +96,13 @@ def fall_limits(
     halves = _halves(observations)
     if lies_flat or halves is None:
         return []
-    found = []
-    for effect in map(effect_named, names):
-        for parameter in effect.parameters:
-            null = parameter.null
-            if null is None:
-                continue
-            ends = [end - null for end in (parameter.low, parameter.high) if end != null]
-            sizes = [_least(effect, parameter, end, halves, needed) for end in ends]
-            shown = [each for each in sizes if each is not None]
-            found.append(
-                DetectionLimit(
-                    effect=effect.name,
-                    parameter=parameter.name,
-                    unit=parameter.unit,
-                    null=null,
-                    size=max(shown) if len(shown) == len(sizes) else None,
-                    alike=tuple(name for name in effect.traits.equivalent_to if name in names),
-                )
-            )
-    return found
+
+    def gain(effect: Effect, size: str, off: float) -> float:
+        values = {each.name: each.null or 0.0 for each in effect.parameters}
+        values[size] += off
+        return float(np.sum((_motion({effect.name: values}) / halves.spread) ** 2) / 4.0)
+
+    return size_limits(names, gain, needed=needed, one_thing=True)
 
 
 def measured_by_falls(names: Collection[str]) -> list[str]:
@@ -231,15 +215,3 @@ def _measured(
 
 def _interval(value: float, width: float) -> tuple[float, float]:
     return value - 1.96 * width, value + 1.96 * width
-
-
-def _least(effect: Effect, parameter: Parameter, end: float, halves: Halves, needed: float) -> float | None:
-    """How far off no effect towards a bound a size must be to gain what is needed in falls."""
-
-    def gain(share: float) -> float:
-        values = {each.name: each.null or 0.0 for each in effect.parameters}
-        values[parameter.name] += share * end
-        return float(np.sum((_motion({effect.name: values}) / halves.spread) ** 2) / 4.0)
-
-    share = least_share(gain, needed, narrowings=NARROWINGS)
-    return None if share is None else abs(end) * share

@@ -9,11 +9,8 @@ from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.diagnosis.direct.grip_fit import explained, gains
 from egophys_core.diagnosis.direct.grips import GripRecord, grips_of, held_displacements
 from egophys_core.diagnosis.direct.measured import Recordings
-from egophys_core.diagnosis.least_size import least_share
-from egophys_core.effects import Effect, effect_named
-
-NARROWINGS = 8
-"""Bisections of a limit."""
+from egophys_core.diagnosis.direct.size_limits import size_limits
+from egophys_core.effects import Effect
 
 
 def grip_limits(
@@ -46,39 +43,11 @@ def limits_in_grips(
         known: values by effect and parameter.
         needed: gain in log-likelihood from which an effect shows.
     """
-    found = []
-    for effect in map(effect_named, names):
-        for parameter in effect.parameters:
-            null = parameter.null
-            if null is None:
-                continue
-            ends = [end - null for end in (parameter.low, parameter.high) if end != null]
-            sizes = [_least(grips, effect, parameter.name, end, known, needed) for end in ends]
-            shown = [each for each in sizes if each is not None]
-            found.append(
-                DetectionLimit(
-                    effect=effect.name,
-                    parameter=parameter.name,
-                    unit=parameter.unit,
-                    null=null,
-                    size=max(shown) if len(shown) == len(sizes) else None,
-                    alike=(),
-                )
-            )
-    return found
 
+    def gain(effect: Effect, size: str, off: float) -> float:
+        return _gain(grips, effect, size, off, known)
 
-def _least(
-    grips: Sequence[GripRecord],
-    effect: Effect,
-    size: str,
-    end: float,
-    known: Mapping[str, Mapping[str, float]],
-    needed: float,
-) -> float | None:
-    """How far off no effect towards a bound a size must be to gain what is needed; None where it does not do there."""
-    share = least_share(lambda part: _gain(grips, effect, size, part * end, known), needed, narrowings=NARROWINGS)
-    return None if share is None else abs(end) * share
+    return size_limits(names, gain, needed=needed, one_thing=False)
 
 
 def _gain(

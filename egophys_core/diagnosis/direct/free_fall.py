@@ -53,8 +53,10 @@ def falls_in(observation: TrackedEpisode) -> list[Fall]:
     return [found for first in observation.falls if (found := _fall_from(observation, first)) is not None]
 
 
-def _fall_from(observation: TrackedEpisode, first: int) -> Fall | None:
+def _fall_from(observation: TrackedEpisode, let_go: int) -> Fall | None:
     times, positions = observation.episode.times, observation.tracks.positions
+    # Contacts are in the time of the hands, which points may come after.
+    first = int(np.searchsorted(times, times[let_go] + observation.delay))
     lowest = observation.episode.ground_height + CLEARANCE_M + float(np.ptp(observation.rest[:, 2]))
     contact = observation.contact.any(axis=1)
     frames = []

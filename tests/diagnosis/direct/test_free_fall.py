@@ -1,5 +1,6 @@
 """What falls tell: how something fell comes back, and by which effects."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -28,6 +29,7 @@ def tracked(episode: Episode) -> Any:
         falls=seen.falls,
         hangs=seen.hangs,
         contact=seen.contact,
+        delay=seen.delay,
         tracks=SimpleNamespace(positions=seen.episode.points),
     )
 
@@ -107,6 +109,15 @@ def test_another_fall_that_shows_nothing_speaks_against_an_effect():
 def test_two_falls_that_are_pulled_to_opposite_sides_show_nothing():
     sides = [dropped(2.81 + 0.01 * side, acceleration=(0.9 * side, 0.0, -G)) for side in (1, -1)]
     assert not shown(found(*sides))
+
+
+def test_points_that_are_recorded_late_fall_late():
+    episode = dropped(2.81, acceleration=(0.0, 0.0, -0.7 * G))
+    late = replace(episode, points=episode.points[np.maximum(np.arange(episode.frames) - 4, 0)])
+    observed = tracked(late)
+    assert observed.delay == pytest.approx(4 / 30, abs=0.02)
+    (gravity,) = shown(found(late))
+    assert gravity.values["scale"] == pytest.approx(0.7, abs=0.05)
 
 
 @pytest.mark.parametrize("short", [{"rate": 10.0}, {"acceleration": (0.0, 0.0, -40.0)}])

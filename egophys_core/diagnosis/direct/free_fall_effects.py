@@ -26,7 +26,7 @@ FREELY = np.array([0.0, 0.0, -GRAVITY, 0.0])
 SPREAD = np.array([0.07, 0.07, 0.25, 0.3])
 """[4] standard deviations by which falls are off that where nothing pulls at all of the object: what is seen is not all
 of it, and turns about the rest. 60 falls of 10 rehearsed ellipsoids and boxes, a third each with nothing, an added mass
-and springs that relax in them, were off by 0.03, 0.02, 0.35 and 0.17 (root mean square; largest 0.07, 0.04, 0.63, 0.28):
+and springs that relax, were off by 0.03, 0.02, 0.35 and 0.17 (root mean square; largest 0.07, 0.04, 0.63, 0.28):
 air takes 0.5 1/s of their speed there."""
 
 

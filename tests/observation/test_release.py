@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from egophys_core.observation import observe_episode
+from egophys_core.observation import find_hands, observe_episode
 from egophys_core.simulation import ContactKind
 from tests.observation.falling import dropped
 from tests.observation.test_contact import ABOVE, HOVER, ball, carried, fingers, observed, path, seconds
@@ -37,16 +37,20 @@ def test_what_is_set_down_does_not_fall():
 
 
 def test_contacts_after_a_fall_are_in_the_new_frames():
-    # Dropped by 10 cm, taken up once more where it fell, and held to the end.
+    # Let go 45 cm up, taken up once more where it fell, and held to the end.
+    let_go, lands = 2.815, 2.815 + np.sqrt(2 * 0.45 / 9.81)
     times = seconds(5.5)
-    hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.0, ABOVE + [0, 0, 0.1]))
-    hand += path(times, (2.8, [0, 0, 0]), (3.6, [0, 0, -0.1]), (4.0, [0, 0, 0]), (5.0, [0, 0, 0.15]))
-    hand -= path(times, (4.0, [0, 0, 0]), (5.0, [0, 0, 0.1]))
-    moved = carried(times, hand, (1.0, 2.515), (4.0, 5.5))
-    fallen = np.minimum(4.905 * np.maximum(times - 2.515, 0) ** 2, 0.1)
-    episode = observed(times, ball() + moved[:, None] - fallen[:, None, None] * [0, 0, 1], fingers(hand))
+    up = path(times, (1.2, [0, 0, 0]), (2.0, [0, 0, 0.45]), (3.3, [0, 0, 0.45]), (4.1, [0, 0, 0]), (4.4, [0, 0, 0]))
+    again = path(times, (4.4, [0, 0, 0]), (5.2, [0, 0, 0.15]))
+    hand = path(times, (0.4, HOVER), (1.0, ABOVE)) + up + again
+    falling = 0.45 - 4.905 * np.clip(times - let_go, 0, lands - let_go) ** 2
+    height = np.where(times < let_go, up[:, 2], falling) + again[:, 2]
+    episode = observed(times, ball() + height[:, None, None] * [0, 0, 1], fingers(hand))
     seen = observe_episode(episode)
-    again = [seen.episode.times[each.first] for each in seen.hands[0].contacts][1:]
-    for begins in again:
-        assert np.isclose(episode.times, begins).any()
-    assert all(frame <= each.first for frame in seen.falls for each in seen.hands[0].contacts[1:])
+    (frame,) = seen.falls
+    assert seen.episode.times[frame] == pytest.approx(let_go, abs=0.004)
+    first, second = seen.hands[0].contacts
+    assert first.last == frame - 1
+    before = find_hands(episode)[0].contacts[1]
+    assert seen.episode.times[second.first] == episode.times[before.first]
+    assert seen.episode.times[second.last] == episode.times[before.last]

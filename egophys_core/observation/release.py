@@ -24,8 +24,8 @@ FEWEST_POINTS = 5
 FALLS_M_S2 = 1.0
 """An acceleration below which nothing falls."""
 
-MISSES = 0.05
-"""Of how far it falls in the window, what a fall at one acceleration may miss it by (root mean square)."""
+RESIDUAL_SHARE = 0.05
+"""Of how far it falls in the window, the residual of a fall at one acceleration at most (root mean square)."""
 
 SEPARATE_S = 1e-3
 """From a frame, at least; what is nearer is in it."""
@@ -88,15 +88,15 @@ def _moment(episode: Episode, last: int, delay: float) -> float | None:
     since, places = times[window], episode.points[window][:, seen].mean(axis=1, dtype=np.float64)
     tried = np.linspace(about - TOGETHER_S, about + TOGETHER_S, TRIED)
     fits = [_falling_from(moment, since, places) for moment in tried]
-    best = int(np.argmin([missed for _, missed in fits]))
-    acceleration, missed = fits[best]
+    best = int(np.argmin([residual for _, residual in fits]))
+    acceleration, residual = fits[best]
     size = float(np.linalg.norm(acceleration))
     fallen = 0.5 * size * (since[-1] - tried[best]) ** 2
-    return float(tried[best]) if size >= FALLS_M_S2 and missed <= MISSES * fallen else None
+    return float(tried[best]) if size >= FALLS_M_S2 and residual <= RESIDUAL_SHARE * fallen else None
 
 
 def _falling_from(moment: float, times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, float]:
-    """The acceleration [3] from a moment on that fits places [T, 3] best, and metres by which it misses them."""
+    """The acceleration [3] from a moment on that fits places [T, 3] best, and its residual, metres."""
     since = times - moment
     terms = np.stack([np.ones_like(since), since, 0.5 * np.maximum(since, 0.0) ** 2], axis=1)
     found, *_ = np.linalg.lstsq(terms, places, rcond=None)

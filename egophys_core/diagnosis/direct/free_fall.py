@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.constants import GRAVITY
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.geometry import rigid_fit
 
 LEAST_S, FEWEST_FRAMES = 0.16, 6
 """Seconds, and frames, of a fall that tell anything."""
@@ -27,8 +28,8 @@ CLEARANCE_M = 0.02
 """Metres, beside its height as it lay, that its lowest track is above the table at least, as its underside is not
 seen."""
 
-MISSES_M = 0.0015
-"""Metres, root mean square, by which the mean of tracks misses a fall at most: what misses it by more has landed."""
+RESIDUAL_M = 0.0015
+"""Metres, root mean square, that the mean of tracks leaves of a fall at most: what leaves more has landed."""
 
 TURNS_RAD = 0.8
 """By which tracks turn in a fall at most: what is seen of an object goes round the rest of it."""
@@ -73,21 +74,20 @@ def _fall_from(observation: TrackedEpisode, let_go: int) -> Fall | None:
     tracks = np.flatnonzero(np.isfinite(falling).all(axis=(0, 2)))
     if len(tracks) < FEWEST_TRACKS:
         return None
-    first_places, last_places = (falling[end][tracks] - falling[end][tracks].mean(axis=0) for end in (0, -1))
-    turned, _ = Rotation.align_vectors(last_places, first_places)
-    if turned.magnitude() > TURNS_RAD:
+    turn, _ = rigid_fit(*falling[[0, -1]][:, tracks].astype(np.float64))
+    if Rotation.from_matrix(turn).magnitude() > TURNS_RAD:
         return None
     since = times[frames] - times[frames[0]]
     halves = [falling[:, tracks[part::2]].mean(axis=1, dtype=np.float64) for part in range(2)]
     found = [motion_of(since, each) for each in halves]
-    if max(missed for *_, missed in found) > MISSES_M:
+    if max(residual for *_, residual in found) > RESIDUAL_M:
         return None
     return Fall(motions=np.array([motion for motion, *_ in found]), widths=np.array([width for _, width, _ in found]))
 
 
 def motion_of(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """How something falls, [4] as in `Fall`, that is at places [F, 3] metres at times [F] seconds from 0 on; the
-    standard deviations [4] of that, and the metres, root mean square, by which it misses it."""
+    standard deviations [4] of that, and its residual, metres, root mean square."""
     first = (places[1] - places[0]) / (times[1] - times[0])
 
     def left(unknown: np.ndarray) -> np.ndarray:

@@ -62,9 +62,10 @@ class FallFit:
 
 def free_fall_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredEffect]:
     """What falls tell of the effects of some names, where there is one."""
-    halves, checks = _halves(recordings.fitted), _halves(recordings.validation)
-    if recordings.lies_flat or halves is None:
+    halves = _halves(recordings.fitted, lies_flat=recordings.lies_flat)
+    if halves is None:
         return []
+    checks = _halves(recordings.validation, lies_flat=recordings.lies_flat)
     best, others = _selected(halves, names, recordings)
     fits = {**dict.fromkeys(best.values, best), **others}
 
@@ -72,17 +73,20 @@ def free_fall_effects(names: Sequence[str], recordings: Recordings) -> list[Meas
         return _measured(name, fit, halves, checks, recordings)
 
     found = [held_against(name, fit) for name, fit in fits.items()]
-    return [replace(each, alike=tuple(map(held_against, *_equivalents(each, fits, halves)))) for each in found]
+    return [
+        replace(each, alike=tuple(held_against(*other) for other in _equivalents(each, fits, halves).items()))
+        for each in found
+    ]
 
 
-def _equivalents(shown: MeasuredEffect, fits: Mapping[str, FallFit], halves: Halves) -> tuple[list[str], list[FallFit]]:
+def _equivalents(shown: MeasuredEffect, fits: Mapping[str, FallFit], halves: Halves) -> dict[str, FallFit]:
     """Effects that are one thing with one that shows, and the fits in which they take its place."""
     traits = effect_named(shown.name).traits
     if not (shown.shows and traits.is_horizontal(shown.values)):
-        return [], []
+        return {}
     rest = tuple(name for name in fits[shown.name].values if name != shown.name)
     names = [name for name in traits.equivalent_to if name in fits and name not in rest]
-    return names, [_fit(halves, (*rest, name)) for name in names]
+    return {name: _fit(halves, (*rest, name)) for name in names}
 
 
 def fall_limits(
@@ -93,8 +97,8 @@ def fall_limits(
     Args:
         needed: gain in log-likelihood from which an effect shows.
     """
-    halves = _halves(observations)
-    if lies_flat or halves is None:
+    halves = _halves(observations, lies_flat=lies_flat)
+    if halves is None:
         return []
 
     def gain(effect: Effect, size: str, off: float) -> float:
@@ -110,9 +114,9 @@ def measured_by_falls(names: Collection[str]) -> list[str]:
     return [name for name in names if Measurement.FREE_FALL in effect_named(name).traits.measured_by]
 
 
-def _halves(observations: Sequence[TrackedEpisode]) -> Halves | None:
-    """Those of all falls of episodes; None without a fall."""
-    falls = [each for one in observations for each in falls_in(one)]
+def _halves(observations: Sequence[TrackedEpisode], *, lies_flat: bool) -> Halves | None:
+    """Those of all falls of episodes; None without a fall, and of sheets."""
+    falls = [] if lies_flat else [each for one in observations for each in falls_in(one)]
     if not falls:
         return None
     return Halves(

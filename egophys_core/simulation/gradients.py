@@ -23,6 +23,7 @@ from egophys_core.simulation.frames import into_world_directions
 from egophys_core.simulation.rollout import Rollout, advance_all, in_frames
 from egophys_core.simulation.substep import FrameInputs
 from egophys_core.simulation.terms.springs import SHORTEST_LENGTH
+from egophys_core.simulation.turns import turn_on
 
 GRIP_NAMES = ("stiffness", "damping", "rest_lengths")
 """Numbers of the springs of holds that have derivatives."""
@@ -105,7 +106,14 @@ def differentiate(
         raise SimulationError(
             "rods have no derivatives: how their material frames turn is not on the tape; use differences"
         )
-    engine = Engine(batch, device)
+    with turn_on(device):
+        return _forward_and_back(Engine(batch, device), loss, windows, through_codebook)
+
+
+def _forward_and_back(
+    engine: Engine, loss: Loss, windows: int, through_codebook: ThroughCodebook | None
+) -> tuple[Rollout, np.ndarray, Gradient]:
+    batch = engine.batch
     states: list[tuple[np.ndarray, ...]] = []
 
     def keep() -> None:

@@ -18,6 +18,7 @@ from egophys_core.simulation.effect_rates import EffectRates
 from egophys_core.simulation.engine import Engine
 from egophys_core.simulation.frames import into_record, into_record_directions
 from egophys_core.simulation.stability import LONGEST_SUBSTEP, stable_substeps
+from egophys_core.simulation.turns import turn_on
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +61,8 @@ def rollout(batch: RolloutBatch, *, longest_substep: float = LONGEST_SUBSTEP, de
         SimulationError: a rollout would need more than `MOST_SUBSTEPS_PER_SECOND` substeps a second.
     """
     if not wp.get_device(device).is_cpu:
-        return in_frames(_run(batch, longest_substep, device), batch.frames)
+        with turn_on(device):
+            return in_frames(_run(batch, longest_substep, device), batch.frames)
     groups = group_count(batch.count)
     workers = min(groups, usable_cores())
     # Rollouts with similar substeps share a lane group: it runs as many as the one that needs most. Of those that need

@@ -69,7 +69,17 @@ _LIBRARY = _Library()
 LIBRARY: Mapping[str, Effect] = _LIBRARY
 """All effects by name, in the order in which they are considered."""
 
-__all__ = ["LIBRARY", "NAMES", "Effect", "Parameter", "Surroundings", "TwinEffect", "added", "effect_named"]
+__all__ = [
+    "LIBRARY",
+    "NAMES",
+    "Effect",
+    "Parameter",
+    "Surroundings",
+    "TwinEffect",
+    "added",
+    "effect_named",
+    "general_forms",
+]
 
 
 @contextmanager
@@ -103,3 +113,8 @@ def effect_named(name: str) -> Effect:
         hint = f"; did you mean {near[0]}?" if near else f"; there are {', '.join(sorted(LIBRARY))}"
         raise TwinError(f"no effect is called {name!r}{hint}")
     return LIBRARY[name]
+
+
+def general_forms(name: str) -> tuple[str, ...]:
+    """Effects of the library of which one is a special case."""
+    return tuple(other.name for other in LIBRARY.values() if name in other.traits.special_cases)

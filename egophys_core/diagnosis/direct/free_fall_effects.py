@@ -17,7 +17,7 @@ from egophys_core.diagnosis.direct.free_fall import falls_in
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
 from egophys_core.diagnosis.direct.size_limits import size_limits
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
-from egophys_core.effects import Effect, effect_named
+from egophys_core.effects import Effect, effect_named, general_forms
 from egophys_core.effects.traits import Measurement
 
 FREELY = np.array([0.0, 0.0, -GRAVITY, 0.0])
@@ -195,6 +195,8 @@ def _measured(
         held_out.append(float(halves.gains(before, after)[index]))
     fitted = float(halves.gains(without, fit.motion).sum())
     also = (*effect.traits.equivalent_to, *effect.traits.equivalent_in_air)
+    general = [each for each in general_forms(name) if not effect_named(each).falls]
+    falls = len(halves.off) // 2
     fell = halves.off.mean(axis=0) + FREELY
     return measured(
         name,
@@ -210,9 +212,15 @@ def _measured(
         held_out_gains=held_out,
         validation_gain=None if validation is None else float(validation.gains(without, fit.motion).sum()),
         p_null=float(chi2.sf(2.0 * fitted, len(effect.parameters))),
-        reason=f"{name} is measured in {len(halves.off) // 2} falls: it falls by "
+        reason=f"{name} is measured in {falls} falls: it falls by "
         f"({', '.join(f'{value:.2f}' for value in fell[:3])}) m/s^2, and air takes {max(fell[3], 0.0):.1f} 1/m of its "
-        "speed squared" + (f", as it would by {' or '.join(also)}" if also else ""),
+        "speed squared"
+        + (f", as it would by {' or '.join(also)}" if also else "")
+        + (
+            f"; one fall does not tell it from {' or '.join(general)}: let it fall elsewhere and later, too"
+            if falls == 1 and general
+            else ""
+        ),
         thresholds=recordings.thresholds,
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, interval_of_sum
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
-from egophys_core.effects import LIBRARY, effect_named
+from egophys_core.effects import effect_named, general_forms
 
 RESAMPLES = 500
 """Of the blocks, for the interval of a difference."""
@@ -42,8 +42,7 @@ def nested(name: str) -> set[str]:
 
     That the special case is refuted says nothing against the general one, nor the other way round.
     """
-    general = {other.name for other in LIBRARY.values() if name in other.traits.special_cases}
-    return {*effect_named(name).traits.special_cases, *general}
+    return {*effect_named(name).traits.special_cases, *general_forms(name)}
 
 
 def simpler(name: str) -> set[str]:

@@ -90,6 +90,13 @@ def test_what_is_pulled_aside_is_two_things():
     assert "as it would by constant_body_force or tracking_rotation" in tilt.reason
 
 
+def test_one_fall_is_not_said_to_tell_what_it_cannot():
+    falls = [dropped(each, acceleration=(0.0, 0.0, -0.7 * G)) for each in (2.81, 3.83)]
+    (one,), (both,) = shown(found(falls[0])), shown(found(*falls))
+    assert "one fall does not tell it from time_varying_body_force or point_attraction: let it fall" in one.reason
+    assert "one fall" not in both.reason
+
+
 def test_drag_is_told_from_a_gravity_that_is_less():
     (drag,) = shown(found(dropped(2.81, drag=6.0), dropped(2.83, drag=6.0)))
     assert drag.name == "quadratic_drag"

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from egophys_core.diagnosis.diagnose import Finding
 from egophys_core.diagnosis.diagnosis import save_diagnosis
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import LIBRARY
 from egophys_core.errors import OutputError, TwinError
 from egophys_core.files import write_atomically
@@ -82,5 +81,5 @@ def report(finding: Finding) -> str:
         rest=evidence.rest,
         field=evidence.field,
         texts=effect_texts(),
-        mismatch_gain=Thresholds().least_gain,
+        mismatch_gain=evidence.mismatch_gain,
     )

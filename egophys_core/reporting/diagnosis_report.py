@@ -56,7 +56,7 @@ def diagnosis_html(
         rest: [P, 3] metres, tracks of the first episode at rest.
         field: [P, 3] metres, their mean residual before any effect.
         texts: what the effects are, by name.
-        mismatch_gain: held-out gain that the twin's own mismatch reaches without any effect.
+        mismatch_gain: held-out gain that is reached in few sets that lack nothing.
     """
     label, colour = TAGS[content["outcome"]]
     return render(

@@ -20,7 +20,7 @@ def evidence_for_each(content: Mapping[str, Any], mismatch_gain: float) -> dict[
 
     Args:
         content: of `diagnosis.json`.
-        mismatch_gain: held-out gain that the twin's own mismatch reaches.
+        mismatch_gain: held-out gain that is reached in few sets that lack nothing.
     """
     candidates = content["candidates"]
     gains = [each["held_out_gain"] for each in candidates if finite(each["held_out_gain"])]

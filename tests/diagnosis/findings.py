@@ -146,4 +146,5 @@ def make_evidence(names: tuple[str, ...] = ("lift", "pull", "swing"), points: in
         after=dict.fromkeys(names, 0.4 * rising),
         rest=rest,
         field=field,
+        mismatch_gain=73.0,
     )

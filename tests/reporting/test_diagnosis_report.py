@@ -65,7 +65,7 @@ def write(diagnosis: Diagnosis, evidence: Evidence | None = None) -> str:
     # Whatever a drawing warns of (a mean of nothing, a division by zero) would be wrong in the picture too.
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return diagnosis_html(diagnosis.as_dict(), **asdict(evidence), texts=TEXTS, mismatch_gain=30.0)
+        return diagnosis_html(diagnosis.as_dict(), **asdict(evidence), texts=TEXTS)
 
 
 def read(diagnosis: Diagnosis, evidence: Evidence | None = None) -> str:

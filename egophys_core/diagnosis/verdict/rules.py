@@ -9,6 +9,7 @@ from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.verdict.comparison import has_no_equivalent, is_horizontal, told_apart
 from egophys_core.diagnosis.verdict.criteria import Setting, held_out_gain
 from egophys_core.diagnosis.verdict.penalised_gain import complexity_penalty
+from egophys_core.diagnosis.verdict.thresholds import STRUCTURED
 from egophys_core.effects import effect_named
 
 ANOTHER_MOTION = "record one more motion, and give it last: it is not fitted, and what is named has to show there, too"
@@ -106,8 +107,9 @@ def unexplained_structure(situation: Situation) -> Ruling | None:
     if not situation.names_nothing or criterion.passed:
         return None
     reason = (
-        f"the residual has structure (a gain of {criterion.statistic:.0f} where a twin's own mismatch reaches "
-        f"{situation.setting.thresholds.crowded_gain:.0f}), but no effect of the library passes all criteria"
+        f"the residual has structure (a gain of {criterion.statistic:.0f}, where 1 in {STRUCTURED} sets that lack "
+        f"nothing gains {situation.setting.thresholds.structure_gain:.0f}), but no effect of the library passes all "
+        "criteria"
     )
     validated = any(len(each.validation_gains) for each in situation.supported)
     return _nothing_named(
@@ -131,9 +133,9 @@ def no_candidate_passes(situation: Situation) -> Ruling | None:
         outcome=Outcome.NONE,
         candidate=misses[0].candidate if misses else None,
         criterion=misses[0].failed[0] if misses else _structure(situation),
-        reason=f"what gains most on held-out data gains {max(best, 0.0):.0f}; a twin's own mismatch gains up to "
-        f"{thresholds.crowded_gain:.0f}, and an effect that stands alone needs {thresholds.least_gain:.0f} and to pass "
-        "all criteria",
+        reason=f"what gains most on held-out data gains {max(best, 0.0):.0f}; 1 in {STRUCTURED} sets that lack nothing "
+        f"gains {thresholds.structure_gain:.0f}, and an effect that stands alone needs {thresholds.least_gain:.0f} and "
+        "to pass all criteria",
         experiment=None,
     )
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from scipy.stats import kstest
 
 from egophys_core.diagnosis.verdict.null_gains import ASKED, RECORDED, NullGains, null_gains
+from egophys_core.diagnosis.verdict.thresholds import thresholds_for
 
 RESULTS = Path(__file__).resolve().parents[3] / "benchmarks/results"
 
@@ -30,6 +31,12 @@ def test_sets_that_asked_have_any_p_alike():
 def test_more_is_asked_of_effects_after_motions_that_show_them():
     assert null_gains(0) is RECORDED
     assert null_gains(1).p(100.0) > 2.0 * null_gains(0).p(100.0)
+
+
+@pytest.mark.parametrize("asked", [0, 2])
+def test_few_sets_that_lack_nothing_are_said_to_have_structure(asked):
+    null = null_gains(asked)
+    assert 0.05 < null.p(thresholds_for(0.0, 0.0, null).structure_gain) < 0.2
 
 
 @pytest.mark.parametrize("share", [0.5, 0.05, 1.0 / 40.0])

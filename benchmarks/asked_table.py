@@ -5,6 +5,9 @@ from collections.abc import Mapping, Sequence
 from statistics import geometric_mean, median
 from typing import Any
 
+import numpy as np
+from scipy.stats import kstest
+
 from benchmarks.tables import table
 from egophys_core.diagnosis.diagnosis import Outcome
 
@@ -120,8 +123,21 @@ def _counts(injected: Rows, nothing: Rows) -> str:
         )
     return (
         f"Named right, or in a complete ambiguous set: {' and '.join(parts)}; beside it something that was not "
-        f"injected: {beside}. Names invented in {invented} of {len(nothing)} sets without an effect.{better}"
-        f"{_by_limit(injected)}"
+        f"injected: {beside}. Names invented in {invented} of {len(nothing)} sets without an effect{_by_p(nothing)}."
+        f"{better}{_by_limit(injected)}"
+    )
+
+
+def _by_p(nothing: Rows) -> str:
+    """Whether p is what it says: as often below a number as that number is large."""
+    if not nothing:
+        return ""
+    shares = np.array([row["p_null"] for row in nothing])
+    even = kstest(shares, "uniform").pvalue
+    structured = sum(Outcome(row["outcome"]) is Outcome.UNEXPLAINED for row in nothing)
+    return (
+        f", {structured} said to be unexplained; their p is below 0.05 in {sum(shares < 0.05)}, below 0.5 in "
+        f"{sum(shares < 0.5)} of them (Kolmogorov and Smirnov's test of an even spread: {even:.2f})"
     )
 
 

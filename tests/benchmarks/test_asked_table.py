@@ -18,6 +18,7 @@ def row(effect, outcome, *named):
         "limit": 1.0,
         "track_before_m": 0.01,
         "track_after_m": 0.02,
+        "p_null": 0.6,
         "seconds": 1.0,
         "commit": "0000000",
     }
@@ -31,12 +32,13 @@ def test_names_beside_the_right_one_are_counted_apart():
         row("quadratic_drag", "named_and_ambiguous", "quadratic_drag", "tracking_offset", "gripper_offset"),
         row("grasp_slip", "named", "control_delay"),
         row("none", "unexplained"),
-        row("none", "named", "added_mass"),
+        {**row("none", "named", "added_mass"), "p_null": 0.01},
     ]
     counts = asked_table({"rows": rows}, {}).split("\n\n")[0]
     assert "4 of 5 large ones after asking (0 before)" in counts
     assert "beside it something that was not injected: 2." in counts
     assert "invented in 1 of 2 sets" in counts
+    assert "1 said to be unexplained; their p is below 0.05 in 1, below 0.5 in 1 of them" in counts
 
 
 def test_errors_on_all_motions_that_had_no_part_are_told_of_right_names():

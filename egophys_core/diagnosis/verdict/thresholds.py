@@ -93,7 +93,7 @@ class Thresholds:
     structure_gain: float = 73.0
     """Gain of a generic law, or of an effect that is not named, from which a residual is structured: one in
     `STRUCTURED` sets that lack nothing gains as much (`null_gains.py`); 103 where motions were asked for. There two of
-    nine sets that it was calibrated on gain more, and with 70 it was said of five of nine others."""
+    nine sets that it was calibrated on gain more, and with 70 it was said of five of ten others."""
     refit_gain: float = 50.0 / 6.0
     """Gain by slopes or large-amplitude probes below which no refit has found an injected effect."""
     measured_gain: float = 12.0

@@ -35,7 +35,7 @@ from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.explain import explain
 from egophys_core.diagnosis.verdict.null_gains import NullGains, null_gains
-from egophys_core.diagnosis.verdict.thresholds import Thresholds, thresholds_for
+from egophys_core.diagnosis.verdict.thresholds import thresholds_for
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError, EpisodeError
@@ -212,7 +212,7 @@ def _diagnose_observed(
         diagnosis=diagnosis,
         twin=improved,
         before=before,
-        evidence=_evidence(everywhere, errors, observations[0], offsets[0], thresholds),
+        evidence=_evidence(everywhere, errors, observations[0], offsets[0], thresholds.structure_gain),
         searches=found.searches,
     )
 
@@ -377,7 +377,7 @@ def _evidence(
     errors: Sequence[Sequence[FreeErrors]],
     first: TrackedEpisode,
     offsets: np.ndarray,
-    thresholds: Thresholds,
+    mismatch_gain: float,
 ) -> Evidence:
     """What the report draws."""
     names = [each.episode.name for each in observations]
@@ -390,5 +390,5 @@ def _evidence(
         after={name: pair[1].track for name, pair in zip(names, errors, strict=True)},
         rest=first.rest,
         field=field,
-        mismatch_gain=thresholds.structure_gain,
+        mismatch_gain=mismatch_gain,
     )

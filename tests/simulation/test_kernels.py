@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import warp as wp
 
 from egophys_core.simulation import ContactKind, batch_of_models, rollout
 from tests.reference.simulator import simulate
@@ -85,3 +86,10 @@ def test_gpu_kernels_find_the_same_divergence():
     assert failures[0] is None
     assert "node 4 is faster than 1000 m/s or not finite on the way to frame 1 (t=0.002 s)" in str(failures[1])
     assert np.array_equal(positions[[0, 2]], result.positions[[0, 2]])
+
+
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+def test_cuda_agrees_with_the_float64_reference():
+    batch = everything_at_once(0, flat=True)
+    result = rollout(batch, device="cuda:0")
+    assert np.abs(result.positions[0] - simulate(batch, 0, substeps=SUBSTEPS)).max() < 5e-5

@@ -2,13 +2,21 @@
 
 from dataclasses import replace
 
+import numpy as np
+
+from egophys_core.constants import GRAVITY
 from egophys_core.effects.effect import Body, Effect, Parameter, Surroundings, Values
-from egophys_core.effects.traits import Need, Traits
+from egophys_core.effects.traits import Measurement, Need, Traits
 
 
 def adapt(values: Values, body: Body) -> Body:
     """The mass of the air, over that of the sheet, in addition."""
     return replace(body, added_mass=body.added_mass + values["ratio"])
+
+
+def falls(values: Values) -> np.ndarray:
+    """[5] glides along itself."""
+    return np.array([0.0, 0.0, -GRAVITY, 0.0, values["ratio"]])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -27,8 +35,10 @@ EFFECT = Effect(
         experiment="hang it by two corners and swing it, then let it fall flat: both are slow; a smaller gravity is "
         "slow on its edge, too",
         needs=frozenset({Need.THIN}),
+        measured_by=(Measurement.FREE_FALL,),
         same_in_every_motion=True,
     ),
     starts=starts,
     adapt=adapt,
+    falls=falls,
 )

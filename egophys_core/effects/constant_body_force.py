@@ -14,8 +14,8 @@ def numbers(values: Values, body: Body) -> np.ndarray:
 
 
 def falls(values: Values) -> np.ndarray:
-    """[4] falls aslant."""
-    return np.array([values["x"], values["y"], values["z"] - GRAVITY, 0.0])
+    """[5] falls aslant."""
+    return np.array([values["x"], values["y"], values["z"] - GRAVITY, 0.0, 0.0])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:

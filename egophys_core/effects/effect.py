@@ -144,8 +144,9 @@ class Effect:
     plumb: Callable[[Values], np.ndarray] | None = None
     """From values to the direction [3] in which a plumb line points in the record, a unit vector."""
     falls: Callable[[Values], np.ndarray] | None = None
-    """From values to how an object falls that nobody holds, [4]: its acceleration while it is slow, m/s^2, and the
-    deceleration by air over the square of its speed, 1/m."""
+    """From values to how an object falls that nobody holds, [5]: the acceleration of what is slow and carries nothing,
+    m/s^2; the deceleration by air over the square of its speed, 1/m; the air that something thin carries along its
+    normals, over its mass."""
     clock: Callable[[Values, np.ndarray], np.ndarray] | None = None
     """From values and times [F] to the times [F] at which the record of the hands, and of their contacts, holds."""
 

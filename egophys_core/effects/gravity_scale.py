@@ -15,8 +15,8 @@ def adapt(values: Values, body: Body) -> Body:
 
 
 def falls(values: Values) -> np.ndarray:
-    """[4] falls faster or more slowly."""
-    return np.array([0.0, 0.0, -GRAVITY * values["scale"], 0.0])
+    """[5] falls faster or more slowly."""
+    return np.array([0.0, 0.0, -GRAVITY * values["scale"], 0.0, 0.0])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:

@@ -15,8 +15,8 @@ def plumb(values: Values) -> np.ndarray:
 
 
 def falls(values: Values) -> np.ndarray:
-    """[4] falls along the plumb line."""
-    return np.array([*(GRAVITY * plumb(values)), 0.0])
+    """[5] falls along the plumb line."""
+    return np.array([*(GRAVITY * plumb(values)), 0.0, 0.0])
 
 
 def numbers(values: Values, body: Body) -> np.ndarray:

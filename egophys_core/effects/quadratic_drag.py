@@ -57,8 +57,8 @@ def damping_rate(numbers: np.ndarray, speeds: np.ndarray) -> np.ndarray:
 
 
 def falls(values: Values) -> np.ndarray:
-    """[4] falls less and less fast."""
-    return np.array([0.0, 0.0, -GRAVITY, values["coefficient"]])
+    """[5] falls less and less fast."""
+    return np.array([0.0, 0.0, -GRAVITY, values["coefficient"], 0.0])
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:

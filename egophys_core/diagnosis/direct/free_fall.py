@@ -1,8 +1,9 @@
 """How an object falls that nobody holds: gravity, the air and what acts on all of it decide, whatever it is made of.
 
-x'' = a - c |v| v of the mean of the tracks that are seen in all of a fall, however it was let go. A twin says little of
-a fall: where it begins a few milliseconds late its offsets are those of a gravity that is less by a tenth, and the loss
-of residuals forgives what is off by more than some millimetres.
+x'' = a - c |v| v of the mean of the tracks that are seen in all of a fall, and (1 + r <n n^T>) x'' = a - c |v| v of the
+middle of a sheet, which carries air along its normals n; however it was let go. A twin says little of a fall: where it
+begins a few milliseconds late its offsets are those of a gravity that is less by a tenth, and the loss of residuals
+forgives what is off by more than some millimetres.
 """
 
 from dataclasses import dataclass
@@ -12,8 +13,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from egophys_core.constants import GRAVITY
+from egophys_core.diagnosis.direct.seen_sheet import normal_products, seen_sheet
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.geometry import rigid_fit
+from egophys_core.kinds.surface_faces import faces_of_sheet
 
 LEAST_S, FEWEST_FRAMES = 0.16, 6
 """Seconds, and frames, of a fall that tell anything."""
@@ -32,7 +35,17 @@ RESIDUAL_M = 0.0015
 """Metres, root mean square, that the mean of tracks leaves of a fall at most: what leaves more has landed."""
 
 TURNS_RAD = 0.8
-"""By which tracks turn in a fall at most: what is seen of an object goes round the rest of it."""
+"""By which tracks of a solid turn in a fall at most: what is seen of it goes round the rest."""
+
+NOISE_M = 1e-4
+"""Metres (standard deviation) to which a middle is known at best."""
+
+RANGES = np.array([5.0, 5.0, 5.0, 2.0 * GRAVITY, 2.0 * GRAVITY, 2.0 * GRAVITY, 50.0, 3.0])
+"""[8] of a velocity and a motion as of `Fall`, standard deviations of what there is: what a fall does not tell is
+within."""
+
+LEAST_CARRIED = -0.8
+"""Air over the mass, as far as its lack is a matter of noise."""
 
 STEP_S = 0.005
 """Seconds a step of the integration."""
@@ -43,18 +56,40 @@ class Fall:
     """One fall, as two halves of its tracks tell it."""
 
     motions: np.ndarray
-    """[2, 4] of each half: the acceleration while it is slow, m/s^2, and the deceleration by air over the square of
-    its speed, 1/m."""
-    widths: np.ndarray
-    """[2, 4] standard deviations of these by the noise of the tracks."""
+    """[2, 5] of each half: the acceleration of what is slow and carries nothing, m/s^2; the deceleration by air over
+    the square of its speed, 1/m; the air that it carries along its normals, over its mass, 0 of a solid."""
+    covariances: np.ndarray
+    """[2, 5, 5] of these by the noise of the tracks; 0 of what a solid carries."""
 
 
-def falls_in(observation: TrackedEpisode) -> list[Fall]:
-    """The falls of an episode that last long enough to tell anything."""
-    return [found for first in observation.falls if (found := _fall_from(observation, first)) is not None]
+def falls_in(observation: TrackedEpisode, *, lies_flat: bool) -> list[Fall]:
+    """The falls of an episode that last long enough to tell anything.
+
+    Args:
+        lies_flat: whether the object is a sheet.
+    """
+    seen_in = _sheet_halves if lies_flat else _solid_halves
+    return [
+        fall
+        for first in observation.falls
+        if (frames := _frames_of_fall(observation, first)) is not None
+        and (halves := seen_in(observation, frames)) is not None
+        and (fall := _fall(observation.episode.times[frames], halves)) is not None
+    ]
 
 
-def _fall_from(observation: TrackedEpisode, let_go: int) -> Fall | None:
+@dataclass(frozen=True, kw_only=True)
+class _Halves:
+    """What two halves of the tracks say of where something is that falls."""
+
+    middles: list[np.ndarray]
+    """[F, 3] of each, its middle."""
+    normals: np.ndarray | None
+    """[F, 3, 3] which way a sheet faces, as by `normal_products`; None of a solid."""
+
+
+def _frames_of_fall(observation: TrackedEpisode, let_go: int) -> np.ndarray | None:
+    """Frames in which something is seen, from when it was let go until it lands; None where they are too few."""
     times, positions = observation.episode.times, observation.tracks.positions
     # Contacts are in the time of the hands, which points may come after.
     first = int(np.searchsorted(times, times[let_go] + observation.delay))
@@ -70,58 +105,107 @@ def _fall_from(observation: TrackedEpisode, let_go: int) -> Fall | None:
             frames.append(frame)
     if len(frames) < FEWEST_FRAMES or times[frames[-1]] - times[frames[0]] < LEAST_S:
         return None
-    falling = positions[frames]
+    return np.array(frames)
+
+
+def _solid_halves(observation: TrackedEpisode, frames: np.ndarray) -> _Halves | None:
+    """The mean of the tracks that are seen in all frames [F]; None where they are few, or turn too far."""
+    falling = observation.tracks.positions[frames]
     tracks = np.flatnonzero(np.isfinite(falling).all(axis=(0, 2)))
     if len(tracks) < FEWEST_TRACKS:
         return None
     turn, _ = rigid_fit(*falling[[0, -1]][:, tracks].astype(np.float64))
     if Rotation.from_matrix(turn).magnitude() > TURNS_RAD:
         return None
-    since = times[frames] - times[frames[0]]
-    halves = [falling[:, tracks[part::2]].mean(axis=1, dtype=np.float64) for part in range(2)]
-    found = [motion_of(since, each) for each in halves]
+    middles = [falling[:, tracks[part::2]].mean(axis=1, dtype=np.float64) for part in range(2)]
+    return _Halves(middles=middles, normals=None)
+
+
+def _sheet_halves(observation: TrackedEpisode, frames: np.ndarray) -> _Halves | None:
+    """The middle of a sheet in frames [F]; None where too little of it is seen in one."""
+    nodes, rest = observation.problem.start.astype(np.float64), observation.rest
+    places = [
+        [seen_sheet(nodes, rest[part::2], each[part::2]) for each in observation.tracks.positions[frames]]
+        for part in range(2)
+    ]
+    known = [[each for each in half if each is not None] for half in places]
+    if min(map(len, known)) < len(frames):
+        return None
+    return _Halves(
+        middles=[np.mean(half, axis=1) for half in known],
+        normals=normal_products(np.array(known), faces_of_sheet(nodes)).mean(axis=0),
+    )
+
+
+def _fall(times: np.ndarray, halves: _Halves) -> Fall | None:
+    """How something falls whose halves are seen at times [F]; None where it does not fall freely."""
+    found = [motion_of(times - times[0], each, halves.normals) for each in halves.middles]
     if max(residual for *_, residual in found) > RESIDUAL_M:
         return None
-    return Fall(motions=np.array([motion for motion, *_ in found]), widths=np.array([width for _, width, _ in found]))
+    return Fall(
+        motions=np.array([motion for motion, *_ in found]),
+        covariances=np.array([covariance for _, covariance, _ in found]),
+    )
 
 
-def motion_of(times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """How something falls, [4] as in `Fall`, that is at places [F, 3] metres at times [F] seconds from 0 on; the
-    standard deviations [4] of that, and its residual, metres, root mean square."""
+def motion_of(
+    times: np.ndarray, places: np.ndarray, normals: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """How something falls, [5] as in `Fall`, that is at places [F, 3] metres at times [F] seconds from 0 on; the
+    covariance [5, 5] of that, and its residual, metres, root mean square.
+
+    Args:
+        normals: [F, 3, 3] which way a sheet faces then; None of what carries no air.
+    """
     first = (places[1] - places[0]) / (times[1] - times[0])
+    told = 7 if normals is None else 8
+    start, ranges = np.array([*first, 0.0, 0.0, -GRAVITY, 0.0, 0.0]), RANGES[:told]
+
+    def moving(unknown: np.ndarray) -> np.ndarray:
+        return np.append(unknown, np.zeros(8 - told))
 
     def left(unknown: np.ndarray) -> np.ndarray:
-        moved = fallen(times, velocity=unknown[:3], motion=unknown[3:])
-        off = places - moved
+        velocity, motion = np.split(moving(unknown), [3])
+        off = places - fallen(times, velocity=velocity, motion=motion, normals=normals)
         return np.asarray(off - off.mean(axis=0))
 
-    start = np.array([*first, 0.0, 0.0, -GRAVITY, 0.0])
-    scales = np.array([1.0, 1.0, 1.0, GRAVITY, GRAVITY, GRAVITY, 1.0])
-    found = least_squares(lambda unknown: left(unknown).ravel(), start, x_scale=scales)
+    def off(unknown: np.ndarray) -> np.ndarray:
+        return np.append(left(unknown).ravel(), NOISE_M * (unknown - start[:told]) / ranges)
+
+    # What carries less than nothing has no mass left at some facing.
+    lowest = np.array([*7 * [-np.inf], LEAST_CARRIED])[:told]
+    found = least_squares(off, start[:told], x_scale=ranges, bounds=(lowest, np.inf))
     squares = np.sum(left(found.x) ** 2, axis=1)
-    freedom = places.size - len(start) - 3
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * squares.sum() / freedom
-    return found.x[3:], np.sqrt(np.diag(covariance)[3:]), float(np.sqrt(squares.mean()))
+    noise = max(squares.sum() / (places.size - told - 3), NOISE_M**2)
+    covariance = np.zeros((8, 8))
+    covariance[:told, :told] = noise * np.linalg.inv(found.jac.T @ found.jac)
+    return moving(found.x)[3:], covariance[3:, 3:], float(np.sqrt(squares.mean()))
 
 
-def fallen(times: np.ndarray, *, velocity: np.ndarray, motion: np.ndarray) -> np.ndarray:
+def fallen(
+    times: np.ndarray, *, velocity: np.ndarray, motion: np.ndarray, normals: np.ndarray | None = None
+) -> np.ndarray:
     """[F, 3] metres by which something falls in times [F] seconds, from 0 on.
 
     Args:
         velocity: [3] m/s, at first.
-        motion: [4] as in `Fall`.
+        motion: [5] as in `Fall`.
+        normals: [F, 3, 3] which way a sheet faces then; None of what carries no air.
     """
-    acceleration, drag = motion[:3], motion[3]
+    acceleration, drag, carried = motion[:3], motion[3], motion[4]
     place, speed, now = np.zeros(3), np.asarray(velocity, np.float64), 0.0
     found = []
-    for time in times:
+    for frame, time in enumerate(times):
         count = int(np.ceil((time - now) / STEP_S - 1e-9))
         step = (time - now) / max(count, 1)
+        moved = np.eye(3)
+        if normals is not None:
+            moved = np.linalg.inv(moved + carried * normals[max(frame - 1, 0) : frame + 1].mean(axis=0))
         for _ in range(count):
             # The midpoint method: what it is off by in a fall is below a tenth of a millimetre.
-            middle = speed + 0.5 * step * (acceleration - drag * np.linalg.norm(speed) * speed)
+            middle = speed + 0.5 * step * moved @ (acceleration - drag * np.linalg.norm(speed) * speed)
             place = place + step * middle
-            speed = speed + step * (acceleration - drag * np.linalg.norm(middle) * middle)
+            speed = speed + step * moved @ (acceleration - drag * np.linalg.norm(middle) * middle)
         now = time
         found.append(place)
     return np.array(found)

@@ -1,8 +1,4 @@
-"""The effects that falls of solids tell: chosen one after the other, each held against the fit without it.
-
-A sheet opens as it falls: the mean of its tracks is no fall of its middle. With 0.85 of their mass added at a place
-sheets fell by 1.6 m/s^2 less than they should (root mean square of 8), as by a gravity of 0.85.
-"""
+"""The effects that falls tell: chosen one after the other, each held against the fit without it."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,32 +16,63 @@ from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.effects import Effect, effect_named, general_forms
 from egophys_core.effects.traits import Measurement
 
-FREELY = np.array([0.0, 0.0, -GRAVITY, 0.0])
-"""[4] how something falls that nothing else acts on, as in `Fall`."""
+FREELY = np.array([0.0, 0.0, -GRAVITY, 0.0, 0.0])
+"""[5] how something falls that nothing else acts on, as in `Fall`."""
 
-SPREAD = np.array([0.07, 0.07, 0.25, 0.3])
-"""[4] standard deviations by which falls are off that where nothing pulls at all of the object: what is seen is not all
+SOLID_SPREAD = np.array([0.07, 0.07, 0.25, 0.3, np.inf])
+"""[5] standard deviations by which falls are off that where nothing pulls at all of the object: what is seen is not all
 of it, and turns about the rest. 60 falls of 10 rehearsed ellipsoids and boxes, a third each with nothing, an added mass
 and springs that relax, were off by 0.03, 0.02, 0.35 and 0.17 (root mean square; largest 0.07, 0.04, 0.63, 0.28):
-air takes 0.5 1/s of their speed there."""
+air takes 0.5 1/s of their speed there. A solid carries no air."""
+
+SHEET_AIR = np.array([0.0, 0.0, 0.15, 0.1, 0.0])
+SHEET_SPREAD = np.array([0.05, 0.05, 0.15, 0.2, 0.02])
+"""[5] the same of sheets, and what air does to them anyway: half of what it does where it takes 0.5 1/s of their speed,
+so that this and none at all are one standard deviation off."""
+
+SHEET_NOISE = 3.0
+"""Times the standard deviations that noise alone would have: what is left of how the middle of a sheet falls is how it
+swings, which goes on from frame to frame. 12 falls of sheets with 0.85 of their mass added at a place, taken for an
+effect that is not there, gain 7 at most with it."""
+
+LEAST_TOLD = np.array([0.2, 0.2, 0.6])
+"""[3] m/s^2, the standard deviations with which a fall of a sheet tells a steady pull at most: other motions tell more
+than one that swings as it falls."""
+
+PARAMETER_GAIN, RIVAL_GAIN = 2.0, 3.0
+"""In log-likelihood: what a further parameter must gain, and by how much less an effect that stands for another must
+gain to be told from it."""
+
+Values = Mapping[str, Mapping[str, float]]
+"""By effect and parameter."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Halves:
     """Halves of the tracks of falls: each is left out in turn, and counts as half a fall."""
 
-    off: np.ndarray
-    """[H, 4] by how much each fell otherwise than `FREELY`."""
-    spread: np.ndarray
-    """[H, 4] standard deviations of that."""
+    motions: np.ndarray
+    """[H, 5] how each fell, as in `Fall`."""
+    whitening: np.ndarray
+    """[H, 5, 5] that brings this to independent standard deviations."""
+    anyway: np.ndarray
+    """[5] how they fall where nothing pulls, beside the usual air."""
 
-    def but(self, index: int) -> "Halves":
-        """All but one."""
-        return Halves(off=np.delete(self.off, index, axis=0), spread=np.delete(self.spread, index, axis=0))
+    def taken(self, chosen: np.ndarray) -> "Halves":
+        """Some of them, by their indices."""
+        return replace(self, motions=self.motions[chosen], whitening=self.whitening[chosen])
 
-    def gains(self, without: np.ndarray, motion: np.ndarray) -> np.ndarray:
-        """[H] what they gain in log-likelihood by falling otherwise in one way [4] over another."""
-        return np.asarray(np.sum(((self.off - without) ** 2 - (self.off - motion) ** 2) / self.spread**2, axis=1) / 4.0)
+    def left(self, values: Values) -> np.ndarray:
+        """[H, 5] standard deviations by which they fell otherwise than with effects."""
+        return self.whitened(self.motions - self.anyway - _motion(values))
+
+    def whitened(self, off: np.ndarray) -> np.ndarray:
+        """[H, 5] standard deviations, of what they are off by [5] or [H, 5]."""
+        return np.asarray(np.einsum("hij,hj->hi", self.whitening, np.broadcast_to(off, self.motions.shape)))
+
+    def gains(self, without: Values, values: Values) -> np.ndarray:
+        """[H] what they gain in log-likelihood by some effects over others. Two halves are one fall."""
+        return np.asarray(np.sum(self.left(without) ** 2 - self.left(values) ** 2, axis=1) / 4.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,8 +81,6 @@ class FallFit:
 
     values: dict[str, dict[str, float]]
     """By effect and parameter."""
-    motion: np.ndarray
-    """[4] by how much something falls otherwise with them than `FREELY`."""
     widths: dict[str, dict[str, float]]
     """Standard deviations of the values."""
 
@@ -74,19 +99,22 @@ def free_fall_effects(names: Sequence[str], recordings: Recordings) -> list[Meas
 
     found = [held_against(name, fit) for name, fit in fits.items()]
     return [
-        replace(each, alike=tuple(held_against(*other) for other in _equivalents(each, fits, halves).items()))
+        replace(each, alike=tuple(held_against(*other) for other in _alike(each, fits, halves).items()))
         for each in found
     ]
 
 
-def _equivalents(shown: MeasuredEffect, fits: Mapping[str, FallFit], halves: Halves) -> dict[str, FallFit]:
-    """Effects that are one thing with one that shows, and the fits in which they take its place."""
-    traits = effect_named(shown.name).traits
-    if not (shown.shows and traits.is_horizontal(shown.values)):
+def _alike(shown: MeasuredEffect, fits: Mapping[str, FallFit], halves: Halves) -> dict[str, FallFit]:
+    """Effects that explain what one that shows does, and the fits in which they take its place: those that are one
+    thing with it, and those that gain about as much."""
+    if not shown.shows:
         return {}
-    rest = tuple(name for name in fits[shown.name].values if name != shown.name)
-    names = [name for name in traits.equivalent_to if name in fits and name not in rest]
-    return {name: _fit(halves, (*rest, name)) for name in names}
+    traits, fit = effect_named(shown.name).traits, fits[shown.name]
+    rest = tuple(name for name in fit.values if name != shown.name)
+    others = {name: _fit(halves, (*rest, name)) for name in fits if name not in fit.values}
+    same = traits.equivalent_to if traits.is_horizontal(shown.values) else ()
+    needed = _worth(halves, fit) - RIVAL_GAIN
+    return {name: other for name, other in others.items() if name in same or _worth(halves, other) >= needed}
 
 
 def fall_limits(
@@ -104,7 +132,7 @@ def fall_limits(
     def gain(effect: Effect, size: str, off: float) -> float:
         values = {each.name: each.null or 0.0 for each in effect.parameters}
         values[size] += off
-        return float(np.sum((_motion({effect.name: values}) / halves.spread) ** 2) / 4.0)
+        return float(np.sum(halves.whitened(_motion({effect.name: values})) ** 2) / 4.0)
 
     return size_limits(names, gain, needed=needed, one_thing=True)
 
@@ -115,20 +143,34 @@ def measured_by_falls(names: Collection[str]) -> list[str]:
 
 
 def _halves(observations: Sequence[TrackedEpisode], *, lies_flat: bool) -> Halves | None:
-    """Those of all falls of episodes; None without a fall, and of sheets."""
-    falls = [] if lies_flat else [each for one in observations for each in falls_in(one)]
+    """Those of all falls of episodes; None without a fall."""
+    falls = [each for one in observations for each in falls_in(one, lies_flat=lies_flat)]
     if not falls:
         return None
-    return Halves(
-        off=np.concatenate([each.motions for each in falls]) - FREELY,
-        spread=np.hypot(SPREAD, np.concatenate([each.widths for each in falls])),
-    )
+    motions = np.concatenate([each.motions for each in falls])
+    noise = np.concatenate([each.covariances for each in falls])
+    if not lies_flat:
+        return Halves(motions=motions, whitening=_whitening(noise, SOLID_SPREAD), anyway=FREELY)
+    whitening = _whitening(SHEET_NOISE**2 * noise, SHEET_SPREAD)
+    told = (np.linalg.norm(whitening[:, :, :3], axis=1) >= 1.0 / LEAST_TOLD).all(axis=1)
+    chosen = np.flatnonzero(np.repeat(told.reshape(-1, 2).all(axis=1), 2))
+    every = Halves(motions=motions, whitening=whitening, anyway=FREELY + SHEET_AIR)
+    return every.taken(chosen) if len(chosen) else None
 
 
-def _motion(values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
-    """[4] by how much something with effects falls otherwise than freely."""
+def _whitening(noise: np.ndarray, spread: np.ndarray) -> np.ndarray:
+    """[H, 5, 5] that brings what has a covariance [H, 5, 5] and standard deviations [5] beside it to standard ones."""
+    finite = np.isfinite(spread)
+    whitening = np.zeros_like(noise)
+    within = np.ix_(range(len(noise)), finite, finite)
+    whitening[within] = np.linalg.inv(np.linalg.cholesky(noise[within] + np.diag(spread[finite] ** 2)))
+    return whitening
+
+
+def _motion(values: Values) -> np.ndarray:
+    """[5] by how much something with effects falls otherwise than freely."""
     moved = [effect_named(name).falls(dict(own)) - FREELY for name, own in values.items()]  # type: ignore[misc]
-    return np.asarray(sum(moved, np.zeros(4)))
+    return np.asarray(sum(moved, np.zeros(5)))
 
 
 def _fit(halves: Halves, names: Sequence[str]) -> FallFit:
@@ -142,7 +184,7 @@ def _fit(halves: Halves, names: Sequence[str]) -> FallFit:
         return found
 
     if not parameters:
-        return FallFit(values={}, motion=np.zeros(4), widths={})
+        return FallFit(values={}, widths={})
     bounds = np.array([(each.low, each.high) for _, each in parameters]).T
     null = np.array([each.null or 0.0 for _, each in parameters])
     steps = np.array([each.step for _, each in parameters])
@@ -150,33 +192,32 @@ def _fit(halves: Halves, names: Sequence[str]) -> FallFit:
 
     def left(numbers: np.ndarray) -> np.ndarray:
         # Two halves are one fall.
-        return np.ravel((halves.off - _motion(named(numbers))) / (np.sqrt(2.0) * halves.spread))
+        return np.ravel(halves.left(named(numbers))) / np.sqrt(2.0)
 
     found = least_squares(left, start, bounds=bounds, x_scale=steps)
     covariance = np.linalg.pinv(found.jac.T @ found.jac)
     return FallFit(
         values=named(found.x),
-        motion=_motion(named(found.x)),
         widths=named(np.sqrt(np.maximum(np.diag(covariance), 0.0))),
     )
 
 
 def _selected(halves: Halves, names: Sequence[str], recordings: Recordings) -> tuple[FallFit, dict[str, FallFit]]:
-    """Forward selection: the fit with one effect after the other as long as one gains, and those with one more each.
-
-    Of a general effect and a special case that explains about as much the special case is taken.
-    """
-    thresholds, best = recordings.thresholds, _fit(halves, ())
+    """Forward selection: the fit with one effect after the other as long as one gains, and those with one more each."""
+    needed, best = recordings.thresholds.measured_gain, _fit(halves, ())
     while left := [name for name in names if name not in best.values]:
         others = {name: _fit(halves, (*best.values, name)) for name in left}
-        gains = {name: float(halves.gains(best.motion, fit.motion).sum()) for name, fit in others.items()}
-        name = max(left, key=lambda each: gains[each])
-        if gains[name] < thresholds.measured_gain:
+        enough = [fit for fit in others.values() if float(halves.gains(best.values, fit.values).sum()) >= needed]
+        if not enough:
             return best, others
-        special = [each for each in effect_named(name).traits.special_cases if each in gains]
-        enough = [each for each in special if gains[each] >= thresholds.equal_share * gains[name]]
-        best = others[max(enough, key=lambda each: gains[each]) if enough else name]
+        best = max(enough, key=lambda fit: _worth(halves, fit))
     return best, {}
+
+
+def _worth(halves: Halves, fit: FallFit) -> float:
+    """What a fit gains over none, less what so many parameters gain anyway: of a general effect and a special case that
+    explains as much the special case is taken."""
+    return float(halves.gains({}, fit.values).sum()) - PARAMETER_GAIN * sum(map(len, fit.values.values()))
 
 
 def _measured(
@@ -188,16 +229,17 @@ def _measured(
 ) -> MeasuredEffect:
     """One of the effects that falls were fitted with, held against the same fit without it."""
     effect, rest = effect_named(name), tuple(each for each in fit.values if each != name)
-    without = _fit(halves, rest).motion
-    held_out = []
-    for index in range(len(halves.off)):
-        before, after = (_fit(halves.but(index), each).motion for each in (rest, (*rest, name)))
+    without = _fit(halves, rest).values
+    held_out, count = [], len(halves.motions)
+    for index in range(count):
+        others = halves.taken(np.delete(np.arange(count), index))
+        before, after = (_fit(others, each).values for each in (rest, (*rest, name)))
         held_out.append(float(halves.gains(before, after)[index]))
-    fitted = float(halves.gains(without, fit.motion).sum())
+    fitted = float(halves.gains(without, fit.values).sum())
     also = (*effect.traits.equivalent_to, *effect.traits.equivalent_in_air)
     general = [each for each in general_forms(name) if not effect_named(each).falls]
-    falls = len(halves.off) // 2
-    fell = halves.off.mean(axis=0) + FREELY
+    falls = count // 2
+    fell = halves.anyway + _motion(fit.values)
     return measured(
         name,
         parameters={
@@ -210,7 +252,7 @@ def _measured(
         },
         fitted_gain=fitted,
         held_out_gains=held_out,
-        validation_gain=None if validation is None else float(validation.gains(without, fit.motion).sum()),
+        validation_gain=None if validation is None else float(validation.gains(without, fit.values).sum()),
         p_null=float(chi2.sf(2.0 * fitted, len(effect.parameters))),
         reason=f"{name} is measured in {falls} falls: it falls by "
         f"({', '.join(f'{value:.2f}' for value in fell[:3])}) m/s^2, and air takes {max(fell[3], 0.0):.1f} 1/m of its "

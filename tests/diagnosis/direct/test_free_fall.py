@@ -19,6 +19,9 @@ from tests.observation.falling import dropped
 NAMES = measured_by_falls(sorted(LIBRARY))
 G = 9.81
 
+GRID = np.stack(np.meshgrid(np.linspace(-0.15, 0.15, 10), np.linspace(-0.2, 0.2, 13), [0.0]), axis=-1).reshape(-1, 3)
+"""[N, 3] a sheet, about its middle."""
+
 
 def tracked(episode: Episode) -> Any:
     """What is asked of an episode that was prepared for a twin."""
@@ -46,12 +49,56 @@ def found(*episodes: Episode, validation: tuple[Episode, ...] = (), names: list[
     return free_fall_effects(names, recordings)
 
 
+def falling_sheet(
+    *,
+    acceleration: tuple[float, float, float] = (0.0, 0.0, -G),
+    carried: float = 0.0,
+    hidden: float = 0.0,
+    turns: float = 2.0,
+) -> Any:
+    """A sheet that turns while it falls, tracked without noise but for what a sheet swings by.
+
+    Args:
+        acceleration: [3] m/s^2 of what carries no air.
+        carried: air along its normal, over its mass.
+        hidden: share of its length that nobody sees.
+        turns: rad/s.
+    """
+    times = np.arange(11) / 30.0
+    angles = 0.7 + 0.7 * (turns == 0.0) + turns * times
+    normals = np.stack([np.zeros(11), -np.sin(angles), np.cos(angles)], axis=1)
+    motion = np.array([*acceleration, 0.0, carried])
+    faces = np.einsum("fi,fj->fij", normals, normals)
+    middles = 0.9 * np.eye(3)[2] + fallen(times, velocity=np.array([0.1, 0.2, 0.3]), motion=motion, normals=faces)
+    along = np.stack([np.zeros(11), np.cos(angles), np.sin(angles)], axis=1)
+    places = middles[:, None] + GRID[:, 0, None] * np.eye(3)[0] + GRID[:, 1, None] * along[:, None]
+    places += 2e-4 * np.random.default_rng(1).normal(size=(11, 1, 3))
+    places[:, GRID[:, 1] < -0.2 + 0.4 * hidden] = np.nan
+    return SimpleNamespace(
+        rest=GRID,
+        problem=SimpleNamespace(start=GRID),
+        episode=SimpleNamespace(times=times, ground_height=0.0),
+        falls=(0,),
+        hangs=False,
+        contact=np.zeros((11, 1), np.uint8),
+        delay=0.0,
+        tracks=SimpleNamespace(positions=places),
+    )
+
+
+def found_in_sheet(*falls: Any) -> list[MeasuredEffect]:
+    return free_fall_effects(
+        NAMES,
+        Recordings(fitted=falls, validation=[], lies_flat=True, resamples=0, seed=0, thresholds=Thresholds()),
+    )
+
+
 def shown(effects: list[MeasuredEffect]) -> list[MeasuredEffect]:
     return [each for each in effects if each.shows]
 
 
 def test_a_fall_without_air_is_a_parabola():
-    times, velocity, motion = np.array([0.0, 0.1, 0.37]), np.array([0.3, 0.0, -0.2]), np.array([0.5, 0.0, -G, 0.0])
+    times, velocity, motion = np.array([0.0, 0.1, 0.37]), np.array([0.3, 0.0, -0.2]), np.array([0.5, 0.0, -G, 0.0, 0.0])
     expected = times[:, None] * velocity + 0.5 * times[:, None] ** 2 * motion[:3]
     assert fallen(times, velocity=velocity, motion=motion) == pytest.approx(expected, abs=1e-12)
 
@@ -60,18 +107,54 @@ def test_what_falls_long_in_air_falls_by_the_logarithm_of_a_hyperbolic_cosine():
     # x = ln(cosh(sqrt(g c) t)) / c of what falls from rest (Batchelor's quadratic drag).
     times, drag = np.linspace(0.0, 0.5, 6), 14.0
     x = np.log(np.cosh(np.sqrt(G * drag) * times)) / drag
-    moved = fallen(times, velocity=np.zeros(3), motion=np.array([0.0, 0.0, -G, drag]))
+    moved = fallen(times, velocity=np.zeros(3), motion=np.array([0.0, 0.0, -G, drag, 0.0]))
     assert moved[:, 2] == pytest.approx(-x, abs=2e-4)
 
 
 @pytest.mark.parametrize("thrown", [(0.0, 0.0, 0.0), (0.4, -0.2, 0.3)])
-@pytest.mark.parametrize("motion", [(0.0, 0.0, -G, 0.0), (1.2, -0.7, -6.0, 0.0), (0.0, 0.0, -G, 5.0)])
+@pytest.mark.parametrize("motion", [(0.0, 0.0, -G, 0.0, 0.0), (1.2, -0.7, -6.0, 0.0, 0.0), (0.0, 0.0, -G, 5.0, 0.0)])
 def test_how_it_fell_comes_back_however_it_was_let_go(thrown: tuple[float, ...], motion: tuple[float, ...]):
     times = np.arange(9) / 30.0
     places = 0.3 + fallen(times, velocity=np.array(thrown), motion=np.array(motion))
     again, _, missed = motion_of(times, places)
     assert again == pytest.approx(motion, abs=1e-3)
     assert missed < 1e-6
+
+
+def test_what_carries_air_falls_along_its_normal_as_if_it_were_heavier():
+    times, slope = np.array([0.0, 0.2, 0.4]), np.array([0.0, 0.6, 0.8])
+    faces = np.broadcast_to(np.outer(slope, slope), (3, 3, 3))
+    moved = fallen(times, velocity=np.zeros(3), motion=np.array([0.0, 0.0, -G, 0.0, 1.5]), normals=faces)
+    # Along the normal by a gravity over 2.5, and across it by all of gravity.
+    gravity = np.array([0.0, 0.0, -G])
+    expected = gravity - slope * (gravity @ slope) * (1.0 - 1.0 / 2.5)
+    assert moved == pytest.approx(0.5 * times[:, None] ** 2 * expected, abs=1e-12)
+
+
+def test_air_that_a_sheet_carries_is_told_from_a_tilt():
+    (air,) = shown(found_in_sheet(falling_sheet(carried=0.8)))
+    assert air.name == "added_mass"
+    assert air.values["ratio"] == pytest.approx(0.8, abs=0.1)
+    (tilt,) = shown(found_in_sheet(falling_sheet(acceleration=(0.4, 1.1, -G))))
+    assert [tilt.name, *(each.name for each in tilt.alike)] == ["gravity_tilt", "constant_body_force"]
+    assert tilt.alike[0].values["y"] == pytest.approx(1.1, abs=0.1)
+
+
+def test_effects_that_gain_as_much_in_a_fall_are_named_together():
+    # What falls on its edge, and does not turn, is pushed aside by the air that it carries as by a tilt.
+    (named,) = shown(found_in_sheet(falling_sheet(carried=0.5, turns=0.0)))
+    assert {named.name, *(each.name for each in named.alike)} >= {"added_mass", "gravity_tilt"}
+
+
+@pytest.mark.parametrize("hidden", [0.0, 0.2])
+def test_a_sheet_that_falls_freely_shows_nothing_whatever_is_hidden_of_it(hidden: float):
+    effects = found_in_sheet(falling_sheet(hidden=hidden))
+    assert sorted(each.name for each in effects) == NAMES
+    assert not shown(effects)
+
+
+def test_a_sheet_of_which_half_is_hidden_tells_nothing():
+    assert found_in_sheet(falling_sheet(hidden=0.5)) == []
 
 
 def test_gravity_is_named_by_one_fall_and_not_the_force_that_does_the_same():
@@ -133,7 +216,7 @@ def test_what_falls_for_too_few_frames_tells_nothing(short: dict[str, Any]):
 
 
 def test_what_was_never_let_go_tells_nothing():
-    assert not falls_in(tracked(dropped(2.81, acceleration=(0.0, 0.0, 0.0))))
+    assert not falls_in(tracked(dropped(2.81, acceleration=(0.0, 0.0, 0.0))), lies_flat=False)
 
 
 def test_limits_are_the_sizes_that_are_named():

@@ -1,0 +1,47 @@
+"""Where all of a sheet is of which a part is seen.
+
+The mean of what is seen is not its middle: a sheet that opens or folds hides some of itself, and that moves the mean of
+the rest. So what is hidden is taken to lie on the thin-plate spline over the sheet at rest through what is seen
+(Duchon, 1977).
+"""
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+from scipy.spatial import cKDTree
+
+FARTHEST = 0.35
+"""Of the length of the sheet, from a node to the nearest track that is seen at most: farther, a spline makes the shape
+up."""
+
+SMOOTHING = 1e-4
+"""Of the spline, in lengths of the sheet: what two tracks of one place differ by is noise."""
+
+
+def seen_sheet(nodes: np.ndarray, rest: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
+    """[N, 3] metres, where the nodes of a sheet are; None where too little of it is seen.
+
+    Args:
+        nodes: [N, 3] metres, at rest.
+        rest: [P, 3] metres, tracks at rest, in the same frame.
+        positions: [P, 3] metres, where they are seen; NaN where not.
+    """
+    seen = np.isfinite(positions).all(axis=1)
+    centre = nodes.mean(axis=0)
+    axes = np.linalg.svd(nodes - centre, full_matrices=False)[2]
+    length = float(np.ptp((nodes - centre) @ axes[0]))
+    everywhere, known = ((each - centre) @ axes[:2].T / length for each in (nodes, rest[seen]))
+    if not len(known) or cKDTree(known).query(everywhere)[0].max() > FARTHEST:
+        return None
+    spline = RBFInterpolator(known, positions[seen].astype(np.float64), smoothing=SMOOTHING, degree=1)
+    return np.asarray(spline(everywhere))
+
+
+def normal_products(places: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """[..., 3, 3] the mean of n n^T over triangles [F, 3] of nodes at [..., N, 3], n their normals of length 1.
+
+    1 along a direction that all of a sheet faces, 0 along those that lie in it.
+    """
+    corners = places[..., faces, :]
+    normals = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+    return np.asarray(np.swapaxes(normals, -1, -2) @ normals / max(len(faces), 1))

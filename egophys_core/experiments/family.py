@@ -215,8 +215,27 @@ def _lift(up: np.ndarray) -> str:
     return f"lift it by {_centimetres(up[2])}, " if up.any() else ""
 
 
+def _and_drop(top: TableTop, name: str, sentence: str, write: Write) -> HandMotion:
+    """The motion after which every hand lifts it as high as it may, holds it and lets go, if there is a table and time
+    for that: a fall costs a second, and shows what pulls at the object, and what the air does, beside all the rest."""
+    fastest, up = top.limits.fastest_m_s, np.array([0.0, 0.0, top.highest])
+    # Where it lies or hangs before is about where it lands.
+    falls = np.sqrt(2.0 * max(top.highest - top.below, CLEARANCE_M) / GRAVITY)
+
+    def write_all(hand: PathWriter, sign: float) -> None:
+        write(hand, sign)
+        hand.move(up, peak_speed=GENTLE * fastest)
+        hand.wait(1.0)
+        hand.let_go()
+        hand.wait(LETS_GO_S + falls)
+
+    lifted = f"lift it to {_centimetres(up[2])} above where it lay, hold it for 1 s and let go of it"
+    longer = _motion(top, f"{name} and drop", f"{sentence}; {lifted}", write_all)
+    return _motion(top, name, sentence, write) if top.hangs or longer.duration > LONGEST_S else longer
+
+
 def hang_and_swing(top: TableTop) -> Iterator[HandMotion]:
-    """Hang still, swing out of the plane in which a sheet hangs, hang still."""
+    """Hang still, swing out of the plane in which a sheet hangs, hang still, drop."""
     return _swings(top, top.axes[1], "hang and swing", "swing", "across its long side")
 
 
@@ -243,7 +262,7 @@ def _swings(top: TableTop, axis: np.ndarray, name: str, verb: str, how: str) -> 
             hand.swing(axis, amplitude=amplitude, frequency=frequency, cycles=cycles)
             hand.wait(1.5)
 
-        yield _motion(
+        yield _and_drop(
             top,
             f"{name} at {frequency:g} Hz",
             f"{_lift(up)}let it hang still for 1.5 s, {verb} it {_centimetres(2 * amplitude)} to "
@@ -253,14 +272,14 @@ def _swings(top: TableTop, axis: np.ndarray, name: str, verb: str, how: str) -> 
 
 
 def hang_still(top: TableTop) -> Iterator[HandMotion]:
-    """Lift and wait."""
+    """Lift and wait, drop."""
     fastest, up = top.limits.fastest_m_s, top.hanging
 
     def write(hand: PathWriter, _: float) -> None:
         hand.move(up, peak_speed=GENTLE * fastest)
         hand.wait(5.0)
 
-    yield _motion(top, "hang still", f"{_lift(up)}let it hang still for 5 s", write)
+    yield _and_drop(top, "hang still", f"{_lift(up)}let it hang still for 5 s", write)
 
 
 def turn_wrist(top: TableTop) -> Iterator[HandMotion]:
@@ -306,21 +325,6 @@ def drag(top: TableTop) -> Iterator[HandMotion]:
             f"drag it {_centimetres(length)} over the table and back, {how} ({_centimetres(speed)}/s at most)",
             write,
         )
-
-
-def drop(top: TableTop) -> Iterator[HandMotion]:
-    """Lift as high as hands may, hold and let go, until it lands."""
-    fastest, up = top.limits.fastest_m_s, np.array([0.0, 0.0, top.highest])
-    # Where it lies or hangs before is about where it lands.
-    falls = np.sqrt(2.0 * max(top.highest - top.below, CLEARANCE_M) / GRAVITY)
-
-    def write(hand: PathWriter, _: float) -> None:
-        hand.move(up, peak_speed=GENTLE * fastest)
-        hand.wait(1.0)
-        hand.let_go()
-        hand.wait(LETS_GO_S + falls)
-
-    yield _motion(top, "lift and drop", f"lift it by {_centimetres(up[2])}, hold it for 1 s and let go of it", write)
 
 
 def stretch_and_wait(top: TableTop) -> Iterator[HandMotion]:
@@ -370,7 +374,6 @@ FAMILY: Sequence[Callable[[TableTop], Iterator[HandMotion]]] = (
     hang_still,
     turn_wrist,
     drag,
-    drop,
     stretch_and_wait,
     press_and_wait,
 )

@@ -42,7 +42,7 @@ def test_what_one_of_two_recordings_tells_apart_is_told():
 
 
 def test_the_motion_that_shows_the_smallest_size_is_done_first(monkeypatch):
-    shown = {"hang still, one hand": (DRAG,), "drag fast, one hand": (replace(DRAG, size=1.0),)}
+    shown = {"hang still and drop, one hand": (DRAG,), "drag fast, one hand": (replace(DRAG, size=1.0),)}
     assert chosen(monkeypatch, shown)[0] == "drag fast, one hand"
 
 
@@ -59,28 +59,31 @@ def test_what_is_expected_of_the_chosen_motion_is_what_refitted_twins_would_show
 
 def test_a_second_motion_is_proposed_only_if_it_shows_more(monkeypatch):
     best = {"drag fast, one hand": (replace(DRAG, size=1.0), GRAVITY)}
-    little = {"hang still, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=2.0))}
-    much = {"hang still, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=0.02))}
+    little = {"hang still and drop, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=2.0))}
+    much = {"hang still and drop, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=0.02))}
     assert chosen(monkeypatch, best | little) == ["drag fast, one hand"]
-    assert chosen(monkeypatch, best | much) == ["hang still, one hand", "drag fast, one hand"]
+    assert chosen(monkeypatch, best | much) == ["hang still and drop, one hand", "drag fast, one hand"]
 
 
 def test_what_looks_alike_in_a_motion_is_not_learned_from_it(monkeypatch):
     alike = (replace(DRAG, size=1.0, alike=("gravity_scale",)), replace(GRAVITY, alike=("quadratic_drag",)))
-    shown = {"hang still, one hand": alike, "drag fast, one hand": (DRAG, GRAVITY)}
-    assert chosen(monkeypatch, shown)[0] == "hang still, one hand"
+    shown = {"hang still and drop, one hand": alike, "drag fast, one hand": (DRAG, GRAVITY)}
+    assert chosen(monkeypatch, shown)[0] == "hang still and drop, one hand"
     assert chosen(monkeypatch, shown, rivals=["quadratic_drag", "gravity_scale"])[0] == "drag fast, one hand"
 
 
 def test_what_recordings_show_already_counts_for_little(monkeypatch):
-    shown = {"hang still, one hand": (replace(DRAG, size=1.0),), "drag fast, one hand": (GRAVITY,)}
+    shown = {"hang still and drop, one hand": (replace(DRAG, size=1.0),), "drag fast, one hand": (GRAVITY,)}
     assert chosen(monkeypatch, shown, known=[replace(DRAG, size=0.5)])[0] == "drag fast, one hand"
 
 
 def test_a_motion_that_was_done_is_not_proposed_again(monkeypatch):
-    shown = {"hang still, one hand": (replace(DRAG, size=1.0),), "drag fast, one hand": (replace(DRAG, size=2.0),)}
-    assert chosen(monkeypatch, shown)[0] == "hang still, one hand"
-    assert chosen(monkeypatch, shown, done=["hang still, one hand"]) == ["drag fast, one hand"]
+    shown = {
+        "hang still and drop, one hand": (replace(DRAG, size=1.0),),
+        "drag fast, one hand": (replace(DRAG, size=2.0),),
+    }
+    assert chosen(monkeypatch, shown)[0] == "hang still and drop, one hand"
+    assert chosen(monkeypatch, shown, done=["hang still and drop, one hand"]) == ["drag fast, one hand"]
     every = [each.name for each in motions_for(twin_of(sheet()), PERSON)]
     with pytest.raises(PlanningError, match=r"no motion .* but those that were asked for: "):
         chosen(monkeypatch, shown, done=every)
@@ -129,11 +132,11 @@ def test_what_hangs_in_a_hand_is_swung_by_it_and_never_near_a_table():
 def test_a_swing_shows_drag_at_a_smaller_size_than_a_slow_drag_over_the_table():
     model, found = sheet(), {}
     for motion in motions_for(twin_of(model), PERSON):
-        if motion.name in ("hang and swing at 1.5 Hz, two hands", "drag slowly, two hands"):
+        if motion.name in ("hang and swing at 1.5 Hz and drop, two hands", "drag slowly, two hands"):
             episode = predicted_episode(model, motion, ground_height=0.0)
             limit, *_ = limits_in(model, episode, ["quadratic_drag"], needed_gain=50.0, least_scale=1e-3)
             found[motion.name] = limit.size or np.inf
-    swing, drag = found["hang and swing at 1.5 Hz, two hands"], found["drag slowly, two hands"]
+    swing, drag = found["hang and swing at 1.5 Hz and drop, two hands"], found["drag slowly, two hands"]
     assert 0.1 < swing < 20.0
     assert drag > 3.0 * swing
 
@@ -144,7 +147,7 @@ def test_of_an_object_with_one_graph_alone_the_least_residuals_set_the_limits(mo
         sensitivity, "kind_of", lambda model: SimpleNamespace(variants=lambda model: [], lies_flat=True)
     )
     model = sheet()
-    motion = next(each for each in motions_for(twin_of(model), PERSON) if each.name == "hang still, two hands")
+    motion = next(each for each in motions_for(twin_of(model), PERSON) if each.name == "hang still and drop, two hands")
     episode = predicted_episode(model, motion, ground_height=0.0)
     fine, coarse = (
         limits_in(model, episode, ["gravity_scale"], needed_gain=50.0, least_scale=scale)[0].size or np.inf

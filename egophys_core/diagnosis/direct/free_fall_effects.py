@@ -19,21 +19,20 @@ from egophys_core.effects.traits import Measurement
 FREELY = np.array([0.0, 0.0, -GRAVITY, 0.0, 0.0])
 """[5] how something falls that nothing else acts on, as in `Fall`."""
 
-SOLID_SPREAD = np.array([0.07, 0.07, 0.25, 0.3, np.inf])
-"""[5] standard deviations by which falls are off that where nothing pulls at all of the object: what is seen is not all
-of it, and turns about the rest. 60 falls of 10 rehearsed ellipsoids and boxes, a third each with nothing, an added mass
-and springs that relax, were off by 0.03, 0.02, 0.35 and 0.17 (root mean square; largest 0.07, 0.04, 0.63, 0.28):
-air takes 0.5 1/s of their speed there. A solid carries no air."""
+USUAL_AIR = np.array([0.0, 0.0, 0.15, 0.1, 0.0])
+"""[5] what air does to that anyway: half of what it does where it takes 0.5 1/s of its speed, as in the rehearsal."""
 
-SHEET_AIR = np.array([0.0, 0.0, 0.15, 0.1, 0.0])
-SHEET_SPREAD = np.array([0.05, 0.05, 0.15, 0.2, 0.02])
-"""[5] the same of sheets, and what air does to them anyway: half of what it does where it takes 0.5 1/s of their speed,
-so that this and none at all are one standard deviation off."""
+SPREAD = np.array([0.05, 0.05, 0.15, 0.2, 0.02])
+"""[5] standard deviations by which falls are off `FREELY` and `USUAL_AIR` where nothing pulls at all of the object: no
+air and that of the rehearsal are one of them off, what is seen of a solid is not all of it, and turns about the rest.
+60 falls of 10 rehearsed ellipsoids and boxes, a third each with nothing, an added mass and springs that relax, were off
+by 0.03, 0.02, 0.21 and 0.09 (root mean square; largest 0.07, 0.04, 0.48, 0.18); 15 of nine sheets from two hands, with
+nothing or with springs that relax, by 0.01, 0.04, 0.14 and 0.09 (0.02, 0.08, 0.20, 0.14)."""
 
 SHEET_NOISE = 3.0
 """Times the standard deviations that noise alone would have: what is left of how the middle of a sheet falls is how it
-swings, which goes on from frame to frame. 12 falls of sheets with 0.85 of their mass added at a place, taken for an
-effect that is not there, gain 7 at most with it."""
+swings, which goes on from frame to frame. Of 16 falls of sheets with 0.85 of their mass added at a place, seven gain 7
+at most for an effect that is not there, and nine swing too much to tell anything (`LEAST_TOLD`)."""
 
 LEAST_TOLD = np.array([0.2, 0.2, 0.6])
 """[3] m/s^2, the standard deviations with which a fall of a sheet tells a steady pull at most: other motions tell more
@@ -55,8 +54,6 @@ class Halves:
     """[H, 5] how each fell, as in `Fall`."""
     whitening: np.ndarray
     """[H, 5, 5] that brings this to independent standard deviations."""
-    anyway: np.ndarray
-    """[5] how they fall where nothing pulls, beside the usual air."""
 
     def taken(self, chosen: np.ndarray) -> "Halves":
         """Some of them, by their indices."""
@@ -64,7 +61,7 @@ class Halves:
 
     def left(self, values: Values) -> np.ndarray:
         """[H, 5] standard deviations by which they fell otherwise than with effects."""
-        return self.whitened(self.motions - self.anyway - _motion(values))
+        return self.whitened(self.motions - FREELY - USUAL_AIR - _motion(values))
 
     def whitened(self, off: np.ndarray) -> np.ndarray:
         """[H, 5] standard deviations, of what they are off by [5] or [H, 5]."""
@@ -150,12 +147,12 @@ def _halves(observations: Sequence[TrackedEpisode], *, lies_flat: bool) -> Halve
     motions = np.concatenate([each.motions for each in falls])
     noise = np.concatenate([each.covariances for each in falls])
     if not lies_flat:
-        return Halves(motions=motions, whitening=_whitening(noise, SOLID_SPREAD), anyway=FREELY)
-    whitening = _whitening(SHEET_NOISE**2 * noise, SHEET_SPREAD)
+        # A solid carries no air.
+        return Halves(motions=motions, whitening=_whitening(noise, np.array([*SPREAD[:4], np.inf])))
+    whitening = _whitening(SHEET_NOISE**2 * noise, SPREAD)
     told = (np.linalg.norm(whitening[:, :, :3], axis=1) >= 1.0 / LEAST_TOLD).all(axis=1)
     chosen = np.flatnonzero(np.repeat(told.reshape(-1, 2).all(axis=1), 2))
-    every = Halves(motions=motions, whitening=whitening, anyway=FREELY + SHEET_AIR)
-    return every.taken(chosen) if len(chosen) else None
+    return Halves(motions=motions[chosen], whitening=whitening[chosen]) if len(chosen) else None
 
 
 def _whitening(noise: np.ndarray, spread: np.ndarray) -> np.ndarray:
@@ -239,7 +236,7 @@ def _measured(
     also = (*effect.traits.equivalent_to, *effect.traits.equivalent_in_air)
     general = [each for each in general_forms(name) if not effect_named(each).falls]
     falls = count // 2
-    fell = halves.anyway + _motion(fit.values)
+    fell = FREELY + USUAL_AIR + _motion(fit.values)
     return measured(
         name,
         parameters={

@@ -12,6 +12,7 @@ import numpy as np
 from egophys_core.episode import Episode
 from egophys_core.interpolation import values_at
 from egophys_core.observation.contact import Contact, Hand
+from egophys_core.observation.mean_path import mean_path, points_seen_mostly
 
 WINDOW_S, FEWEST_FRAMES = 0.14, 4
 """Seconds, and frames at least, before and after it that tell when it was."""
@@ -82,10 +83,12 @@ def _moment(episode: Episode, last: int, delay: float) -> float | None:
     if before < 0 or after > episode.frames:
         return None
     window = slice(before, after)
-    seen = episode.visible[window].all(axis=0)
-    if seen.sum() < FEWEST_POINTS:
+    seen = points_seen_mostly(episode.points[window])
+    if len(seen) < FEWEST_POINTS:
         return None
-    since, places = times[window], episode.points[window][:, seen].mean(axis=1, dtype=np.float64)
+    path = mean_path(episode.points[window][:, seen])
+    known = np.isfinite(path).all(axis=1)
+    since, places = times[window][known], path[known]
     tried = np.linspace(about - TOGETHER_S, about + TOGETHER_S, TRIED)
     fits = [_falling_from(moment, since, places) for moment in tried]
     best = int(np.argmin([residual for _, residual in fits]))

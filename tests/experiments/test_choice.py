@@ -42,7 +42,7 @@ def test_what_one_of_two_recordings_tells_apart_is_told():
 
 
 def test_the_motion_that_shows_the_smallest_size_is_done_first(monkeypatch):
-    shown = {"hang still and drop, one hand": (DRAG,), "drag fast, one hand": (replace(DRAG, size=1.0),)}
+    shown = {"hang still, one hand": (DRAG,), "drag fast, one hand": (replace(DRAG, size=1.0),)}
     assert chosen(monkeypatch, shown)[0] == "drag fast, one hand"
 
 
@@ -59,31 +59,31 @@ def test_what_is_expected_of_the_chosen_motion_is_what_refitted_twins_would_show
 
 def test_a_second_motion_is_proposed_only_if_it_shows_more(monkeypatch):
     best = {"drag fast, one hand": (replace(DRAG, size=1.0), GRAVITY)}
-    little = {"hang still and drop, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=2.0))}
-    much = {"hang still and drop, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=0.02))}
+    little = {"hang still, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=2.0))}
+    much = {"hang still, one hand": (replace(DRAG, size=5.0), replace(GRAVITY, size=0.02))}
     assert chosen(monkeypatch, best | little) == ["drag fast, one hand"]
-    assert chosen(monkeypatch, best | much) == ["hang still and drop, one hand", "drag fast, one hand"]
+    assert chosen(monkeypatch, best | much) == ["hang still, one hand", "drag fast, one hand"]
 
 
 def test_what_looks_alike_in_a_motion_is_not_learned_from_it(monkeypatch):
     alike = (replace(DRAG, size=1.0, alike=("gravity_scale",)), replace(GRAVITY, alike=("quadratic_drag",)))
-    shown = {"hang still and drop, one hand": alike, "drag fast, one hand": (DRAG, GRAVITY)}
-    assert chosen(monkeypatch, shown)[0] == "hang still and drop, one hand"
+    shown = {"hang still, one hand": alike, "drag fast, one hand": (DRAG, GRAVITY)}
+    assert chosen(monkeypatch, shown)[0] == "hang still, one hand"
     assert chosen(monkeypatch, shown, rivals=["quadratic_drag", "gravity_scale"])[0] == "drag fast, one hand"
 
 
 def test_what_recordings_show_already_counts_for_little(monkeypatch):
-    shown = {"hang still and drop, one hand": (replace(DRAG, size=1.0),), "drag fast, one hand": (GRAVITY,)}
+    shown = {"hang still, one hand": (replace(DRAG, size=1.0),), "drag fast, one hand": (GRAVITY,)}
     assert chosen(monkeypatch, shown, known=[replace(DRAG, size=0.5)])[0] == "drag fast, one hand"
 
 
 def test_a_motion_that_was_done_is_not_proposed_again(monkeypatch):
     shown = {
-        "hang still and drop, one hand": (replace(DRAG, size=1.0),),
+        "hang still, one hand": (replace(DRAG, size=1.0),),
         "drag fast, one hand": (replace(DRAG, size=2.0),),
     }
-    assert chosen(monkeypatch, shown)[0] == "hang still and drop, one hand"
-    assert chosen(monkeypatch, shown, done=["hang still and drop, one hand"]) == ["drag fast, one hand"]
+    assert chosen(monkeypatch, shown)[0] == "hang still, one hand"
+    assert chosen(monkeypatch, shown, done=["hang still, one hand"]) == ["drag fast, one hand"]
     every = [each.name for each in motions_for(twin_of(sheet()), PERSON)]
     with pytest.raises(PlanningError, match=r"no motion .* but those that were asked for: "):
         chosen(monkeypatch, shown, done=every)

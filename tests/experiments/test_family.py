@@ -97,3 +97,26 @@ def test_a_sheet_is_held_at_the_same_corner_wherever_it_was_held(corner):
 def test_a_cable_is_told_what_to_do_instead():
     with pytest.raises(PlanningError, match="record another load"):
         places_to_hold(replace(sheet(), kind="rod"), 1, NOWHERE)
+
+
+@pytest.mark.parametrize(("body", "hands", "falls"), [(sheet, 1, False), (sheet, 2, True), (solid, 1, True)])
+def test_what_hangs_ends_by_a_drop_but_for_a_sheet_in_one_hand(body, hands, falls):
+    motions = [each for each in motions_for(twin_of(body()), PERSON) if len(each.paths) == hands]
+    swung = [each for each in motions if each.name.startswith(("hang and swing", "hang still"))]
+    assert len(swung) >= 3
+    for motion in swung:
+        assert ("let go of it" in motion.sentence) == falls
+        for path in motion.paths:
+            (let_go,) = np.flatnonzero(path.holds[:-1] & ~path.holds[1:]) + 1 if falls else (-1,)
+            assert path.holds[-1] != falls
+            # From as high as hands may, held still before that, and watched until it has landed.
+            still = path.times >= path.times[let_go] - 0.9
+            assert not falls or path.positions[let_go, 2] == pytest.approx(PERSON.highest_m, abs=0.05)
+            assert np.ptp(path.positions[still], axis=0).max() < 1e-9
+            assert not falls or path.times[-1] - path.times[let_go] > 0.3
+
+
+def test_what_nobody_lets_go_of_is_not_dropped_when_there_is_no_time():
+    slow = replace(ARM, fastest_m_s=0.12)
+    motions = motions_for(twin_of(solid()), slow)
+    assert any(each.name.startswith("hang still, ") for each in motions)

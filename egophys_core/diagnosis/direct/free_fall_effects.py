@@ -29,11 +29,6 @@ air and that of the rehearsal are one of them off, what is seen of a solid is no
 by 0.03, 0.02, 0.21 and 0.09 (root mean square; largest 0.07, 0.04, 0.48, 0.18); 15 of nine sheets from two hands, with
 nothing or with springs that relax, by 0.01, 0.04, 0.14 and 0.09 (0.02, 0.08, 0.20, 0.14)."""
 
-SHEET_NOISE = 3.0
-"""Times the standard deviations that noise alone would have: what is left of how the middle of a sheet falls is how it
-swings, which goes on from frame to frame. Of 16 falls of sheets with 0.85 of their mass added at a place, seven gain 7
-at most for an effect that is not there, and nine swing too much to tell anything (`LEAST_TOLD`)."""
-
 LEAST_TOLD = np.array([0.2, 0.2, 0.6])
 """[3] m/s^2, the standard deviations with which a fall of a sheet tells a steady pull at most: other motions tell more
 than one that swings as it falls."""
@@ -149,7 +144,7 @@ def _halves(observations: Sequence[TrackedEpisode], *, lies_flat: bool) -> Halve
     if not lies_flat:
         # A solid carries no air.
         return Halves(motions=motions, whitening=_whitening(noise, np.array([*SPREAD[:4], np.inf])))
-    whitening = _whitening(SHEET_NOISE**2 * noise, SPREAD)
+    whitening = _whitening(noise, SPREAD)
     told = (np.linalg.norm(whitening[:, :, :3], axis=1) >= 1.0 / LEAST_TOLD).all(axis=1)
     chosen = np.flatnonzero(np.repeat(told.reshape(-1, 2).all(axis=1), 2))
     return Halves(motions=motions[chosen], whitening=whitening[chosen]) if len(chosen) else None

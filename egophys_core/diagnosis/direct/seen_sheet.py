@@ -13,6 +13,8 @@ FARTHEST = 0.35
 """Of the length of the sheet, from a node to the nearest track that is seen at most: farther, a spline makes the shape
 up."""
 
+FEWEST_TRACKS = 12
+
 SMOOTHING = 1e-4
 """Of the spline, in lengths of the sheet: what two tracks of one place differ by is noise."""
 
@@ -30,9 +32,13 @@ def seen_sheet(nodes: np.ndarray, rest: np.ndarray, positions: np.ndarray) -> np
     axes = np.linalg.svd(nodes - centre, full_matrices=False)[2]
     length = float(np.ptp((nodes - centre) @ axes[0]))
     everywhere, known = ((each - centre) @ axes[:2].T / length for each in (nodes, rest[seen]))
-    if not len(known) or cKDTree(known).query(everywhere)[0].max() > FARTHEST:
+    if len(known) < FEWEST_TRACKS or cKDTree(known).query(everywhere)[0].max() > FARTHEST:
         return None
-    spline = RBFInterpolator(known, positions[seen].astype(np.float64), smoothing=SMOOTHING, degree=1)
+    try:
+        spline = RBFInterpolator(known, positions[seen].astype(np.float64), smoothing=SMOOTHING, degree=1)
+    except np.linalg.LinAlgError:
+        # Tracks on one line, as of a ribbon, do not tell how it lies across.
+        return None
     return np.asarray(spline(everywhere))
 
 

@@ -67,6 +67,14 @@ def test_of_what_shows_too_little_nothing_is_made_up(share: float):
     assert seen_sheet(nodes(), rest, some_hidden(rest, rolled(rest), share=share)) is None
 
 
+def test_tracks_that_are_few_or_on_one_line_tell_nothing():
+    rest = tracks()
+    assert seen_sheet(nodes(), rest[:8], rolled(rest[:8])) is None
+    line = np.stack([np.full(40, WIDE / 2.0), np.linspace(0.0, LONG, 40), np.full(40, 0.8)], axis=1)
+    ribbon = (nodes() - [WIDE / 2.0, 0.0, 0.0]) * [0.3, 1.0, 1.0] + [WIDE / 2.0, 0.0, 0.0]
+    assert seen_sheet(ribbon, line, rolled(line)) is None
+
+
 def test_a_flat_sheet_faces_along_its_normal_and_a_rolled_one_all_ways():
     flat, half_round, faces = nodes(), about_vertical(rolled(nodes()), np.full(108, -0.7)), faces_of_sheet(nodes())
     both = normal_products(np.array([flat, half_round]), faces)

@@ -249,6 +249,7 @@ def _measured(
         reason=f"{name} is measured in {falls} falls: it falls by "
         f"({', '.join(f'{value:.2f}' for value in fell[:3])}) m/s^2, and air takes {max(fell[3], 0.0):.1f} 1/m of its "
         "speed squared"
+        + (f"; it carries {fell[4]:.2f} of its mass in air" if fell[4] > 0.0 else "")
         + (f", as it would by {' or '.join(also)}" if also else "")
         + (
             f"; one fall does not tell it from {' or '.join(general)}: let it fall elsewhere and later, too"

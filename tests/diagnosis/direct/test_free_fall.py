@@ -135,6 +135,7 @@ def test_air_that_a_sheet_carries_is_told_from_a_tilt():
     (air,) = shown(found_in_sheet(falling_sheet(carried=0.8)))
     assert air.name == "added_mass"
     assert air.values["ratio"] == pytest.approx(0.8, abs=0.1)
+    assert f"it carries {air.values['ratio']:.2f} of its mass in air" in air.reason
     (tilt,) = shown(found_in_sheet(falling_sheet(acceleration=(0.4, 1.1, -G))))
     assert [tilt.name, *(each.name for each in tilt.alike)] == ["gravity_tilt", "constant_body_force"]
     assert tilt.alike[0].values["y"] == pytest.approx(1.1, abs=0.1)

@@ -78,6 +78,11 @@ class Candidate:
     """What it was held against, in that order: all criteria of the verdict if it was refitted, those of the measurement
     if it was measured, else what kept it from a refit."""
 
+    @property
+    def is_measured(self) -> bool:
+        """Whether it was measured directly, without the twin."""
+        return any(each.name == "measured_gain" for each in self.criteria)
+
 
 @dataclass(frozen=True, kw_only=True)
 class NearestMiss:

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from egophys_core.diagnosis.criterion import Direction, compare
 from egophys_core.diagnosis.diagnosis import DetectionLimit, Estimate, NamedEffect, Outcome
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.errors import PlanningError
@@ -28,8 +29,8 @@ class MadeUpLab:
         self.diagnosed.append(list(episodes))
         self.told.append((rest["asked"], rest["loads"]))
         outcome = self.outcomes.pop(0)
-        named = outcome is Outcome.NAMED
-        found = make_diagnosis() if named else replace(make_nothing_found(), outcome=outcome, limits=(DRAG,))
+        is_named = outcome is Outcome.NAMED
+        found = make_diagnosis() if is_named else replace(make_nothing_found(), outcome=outcome, limits=(DRAG,))
         return SimpleNamespace(diagnosis=found, twin="improved")
 
     def choose(self, twin, effects, limits, **rest):
@@ -49,10 +50,41 @@ class MadeUpLab:
         )
 
 
-def test_what_is_decided_is_not_asked_about(monkeypatch):
-    answer = MadeUpLab(monkeypatch, Outcome.NAMED).answer()
+def measured(diagnosis):
+    """The same, as if what it names had been measured directly."""
+    gain = compare("measured_gain", "lesser gain", 40.0, Direction.AT_LEAST, 12.0)
+    return replace(diagnosis, candidates=(replace(diagnosis.candidates[0], criteria=(gain,)),))
+
+
+def test_what_was_measured_is_not_asked_about(monkeypatch):
+    lab = MadeUpLab(monkeypatch, Outcome.NAMED)
+    monkeypatch.setattr(
+        asking, "diagnose", lambda *_, **__: SimpleNamespace(diagnosis=measured(make_diagnosis()), twin="improved")
+    )
+    answer = lab.answer()
     assert answer.asked == ()
     assert answer.ended == "it is decided"
+
+
+def test_what_residuals_name_has_to_hold_in_one_motion(monkeypatch):
+    answer = MadeUpLab(monkeypatch, Outcome.NAMED, Outcome.NAMED).answer()
+    assert len(answer.asked) == 1
+    assert answer.ended == "it is decided"
+
+
+@pytest.mark.parametrize("most", [0, 2])
+def test_what_residuals_name_is_decided_where_nobody_can_be_asked(monkeypatch, most):
+    lab = MadeUpLab(monkeypatch, Outcome.NAMED)
+    if most:
+        lab.world = None
+    answer = lab.answer(most=most)
+    assert answer.asked == ()
+    assert answer.ended == "it is decided"
+
+
+def test_it_says_why_what_residuals_name_is_not_asked_about(monkeypatch):
+    answer = MadeUpLab(monkeypatch, Outcome.NAMED, refusal="a rod is held in clamps").answer()
+    assert answer.ended == "it is decided, and not asked about: a rod is held in clamps"
 
 
 @pytest.mark.parametrize(("upward", "decided"), [(0.02, True), (2.5, False)])

@@ -36,7 +36,7 @@ def add_ask_arguments(parser: argparse.ArgumentParser) -> None:
         default=0,
         metavar="N",
         help="as long as nothing is decided, have a motion done that would show more, and diagnose again with it; N "
-        "times at most (default 0)",
+        "times at most (default 0); what was not measured directly is decided only after one",
     )
     parser.add_argument(
         "--world",

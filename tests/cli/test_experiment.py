@@ -23,11 +23,11 @@ def twin_file(tmp_path):
 
 
 @pytest.fixture
-def only_drops(monkeypatch):
-    """Of the family the drops alone, so that it takes seconds."""
+def only_hanging(monkeypatch):
+    """Of the family what hangs still alone, so that it takes seconds."""
     family = choice.motions_for
     monkeypatch.setattr(
-        choice, "motions_for", lambda *args, **rest: [each for each in family(*args, **rest) if "drop" in each.name]
+        choice, "motions_for", lambda *args, **rest: [each for each in family(*args, **rest) if "still" in each.name]
     )
 
 
@@ -37,7 +37,7 @@ def run(*arguments: object) -> int:
     return command.run(parser.parse_args([str(each) for each in arguments]))
 
 
-def test_plans_a_picture_and_what_is_expected(twin_file, tmp_path, capsys, only_drops):
+def test_plans_a_picture_and_what_is_expected(twin_file, tmp_path, capsys, only_hanging):
     assert run(twin_file, "--effects", "quadratic_drag", "gravity_scale", "--out", tmp_path / "x") == 0
     said = capsys.readouterr().out
     content = json.loads((tmp_path / "x/experiment.json").read_text())
@@ -50,12 +50,12 @@ def test_plans_a_picture_and_what_is_expected(twin_file, tmp_path, capsys, only_
     assert plans[0].times[-1] == pytest.approx(motion["seconds"])
 
 
-def test_an_arm_does_it_with_one_hand(twin_file, tmp_path, capsys, only_drops):
+def test_an_arm_does_it_with_one_hand(twin_file, tmp_path, capsys, only_hanging):
     assert run(twin_file, "--effects", "gravity_scale", "--by", "arm", "--out", tmp_path / "x", "--json") == 0
     assert [len(each["plans"]) for each in json.loads(capsys.readouterr().out)["motions"]] == [1]
 
 
-def test_what_a_diagnosis_left_open_is_asked_about(twin_file, tmp_path, capsys, only_drops):
+def test_what_a_diagnosis_left_open_is_asked_about(twin_file, tmp_path, capsys, only_hanging):
     found = make_diagnosis(
         outcome=Outcome.AMBIGUOUS,
         effects=tuple(

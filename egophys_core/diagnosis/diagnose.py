@@ -331,6 +331,7 @@ def _candidates(first: Search, measured: Sequence[MeasuredEffect], null: NullGai
             validation_gain=each.validation_gain,
             values=each.values,
             criteria=each.criteria,
+            is_measured=True,
         )
         for each in measured
     ]
@@ -349,6 +350,7 @@ def _candidates(first: Search, measured: Sequence[MeasuredEffect], null: NullGai
                 else None,
                 values=each.values,
                 criteria=first.criteria[name],
+                is_measured=False,
             )
         )
     return tuple(sorted(found, key=lambda each: -each.held_out_gain))

@@ -77,11 +77,8 @@ class Candidate:
     criteria: tuple[CriterionResult, ...]
     """What it was held against, in that order: all criteria of the verdict if it was refitted, those of the measurement
     if it was measured, else what kept it from a refit."""
-
-    @property
-    def is_measured(self) -> bool:
-        """Whether it was measured directly, without the twin."""
-        return any(each.name == "measured_gain" for each in self.criteria)
+    is_measured: bool
+    """Whether it was measured directly, without the twin."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -75,6 +75,7 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
                     compare("held_out_gain", "gain on left-out data", 406.0, Direction.AT_LEAST, 50.0),
                     not_asked("every_episode", "least gain of an episode: asked beside a named effect only"),
                 ),
+                is_measured=False,
             ),
             Candidate(
                 name="bending_damping",
@@ -84,6 +85,7 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
                 validation_gain=None,
                 values={"factor": 1.2},
                 criteria=(MISSED,),
+                is_measured=False,
             ),
         ),
         "decisions": (make_decision(),),

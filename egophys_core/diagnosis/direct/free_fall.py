@@ -13,7 +13,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from egophys_core.constants import GRAVITY
-from egophys_core.diagnosis.direct.seen_sheet import normal_products, seen_sheet
+from egophys_core.diagnosis.direct.seen_sheet import FEWEST_TRACKS, normal_products, seen_sheet
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.geometry import rigid_fit
 from egophys_core.kinds.surface_faces import faces_of_sheet
@@ -24,9 +24,6 @@ LEAST_S, FEWEST_FRAMES = 0.16, 6
 
 LONGEST_S = 0.5
 """Seconds from which on it is no fall from a table."""
-
-FEWEST_TRACKS = 12
-"""Seen in most of a fall."""
 
 CLEARANCE_M = 0.02
 """Metres, beside its height as it lay, that its lowest track is above the table at least, as its underside is not
@@ -65,7 +62,7 @@ class Fall:
     """[2, 5] of each half: the acceleration of what is slow and carries nothing, m/s^2; the deceleration by air over
     the square of its speed, 1/m; the air that it carries along its normals, over its mass, 0 of a solid."""
     covariances: np.ndarray
-    """[2, 5, 5] of these, by noise of the tracks and how it swings; 0 of what a solid carries."""
+    """[2, 5, 5] of these, by noise of the tracks and how it swings."""
 
 
 def falls_in(observation: TrackedEpisode, *, lies_flat: bool) -> list[Fall]:
@@ -80,7 +77,7 @@ def falls_in(observation: TrackedEpisode, *, lies_flat: bool) -> list[Fall]:
         for first in observation.falls
         if (frames := _frames_of_fall(observation, first)) is not None
         and (halves := seen_in(observation, frames)) is not None
-        and (fall := _fall(observation.episode.times[frames], halves)) is not None
+        and (fall := _fall(halves)) is not None
     ]
 
 
@@ -88,10 +85,12 @@ def falls_in(observation: TrackedEpisode, *, lies_flat: bool) -> list[Fall]:
 class _Halves:
     """What two halves of the tracks say of where something is that falls."""
 
-    middles: list[np.ndarray]
-    """[F, 3] of each, its middle."""
-    normals: np.ndarray | None
-    """[F, 3, 3] which way a sheet faces, as by `normal_products`; None of a solid."""
+    times: np.ndarray
+    """[F] seconds from the first on."""
+    middles: np.ndarray
+    """[2, F, 3] metres of each, its middle."""
+    normals: np.ndarray
+    """[F, 3, 3] which way a sheet faces, as by `normal_products`; 0 of a solid."""
 
 
 def _frames_of_fall(observation: TrackedEpisode, let_go: int) -> np.ndarray | None:
@@ -109,9 +108,12 @@ def _frames_of_fall(observation: TrackedEpisode, let_go: int) -> np.ndarray | No
             break
         if seen.any():
             frames.append(frame)
-    if len(frames) < FEWEST_FRAMES or times[frames[-1]] - times[frames[0]] < LEAST_S:
-        return None
-    return np.array(frames)
+    return np.array(frames) if _tells(times[frames]) else None
+
+
+def _tells(times: np.ndarray) -> bool:
+    """Whether a fall that is seen at times [F] seconds lasts long enough."""
+    return bool(times.size >= FEWEST_FRAMES and np.ptp(times) >= LEAST_S)
 
 
 def _solid_halves(observation: TrackedEpisode, frames: np.ndarray) -> _Halves | None:
@@ -125,40 +127,41 @@ def _solid_halves(observation: TrackedEpisode, frames: np.ndarray) -> _Halves | 
     turn, _ = rigid_fit(*ends[:, in_both])
     if Rotation.from_matrix(turn).magnitude() > TURNS_RAD:
         return None
-    middles = [mean_path(falling[:, tracks[part::2]]) for part in range(2)]
+    middles = np.array([mean_path(falling[:, tracks[part::2]]) for part in range(2)])
     if not np.isfinite(middles).all():
         return None
-    return _Halves(middles=middles, normals=None)
+    times = observation.episode.times[frames]
+    return _Halves(times=times - times[0], middles=middles, normals=np.zeros((times.size, 3, 3)))
 
 
 def _sheet_halves(observation: TrackedEpisode, frames: np.ndarray) -> _Halves | None:
-    """The middle of a sheet in frames [F]; None where too little of it is seen in one."""
+    """The middle of a sheet in those of frames [F] in which enough of it is seen; None where these are too few."""
     nodes, rest = observation.problem.start.astype(np.float64), observation.rest
-    places = [
-        [seen_sheet(nodes, rest[part::2], each[part::2]) for each in observation.tracks.positions[frames]]
-        for part in range(2)
-    ]
-    known = [[each for each in half if each is not None] for half in places]
-    if min(map(len, known)) < len(frames):
+    falling = observation.tracks.positions[frames]
+    places = np.array([seen_sheet(nodes, rest[part::2], falling[:, part::2]) for part in range(2)])
+    known = np.isfinite(places).all(axis=(0, 2, 3))
+    times, places = observation.episode.times[frames[known]], places[:, known]
+    if not _tells(times):
         return None
     return _Halves(
-        middles=[np.mean(half, axis=1) for half in known],
-        normals=normal_products(np.array(known), faces_of_sheet(nodes)).mean(axis=0),
+        times=times - times[0],
+        middles=places.mean(axis=2),
+        normals=normal_products(places, faces_of_sheet(nodes)).mean(axis=0),
     )
 
 
-def _fall(times: np.ndarray, halves: _Halves) -> Fall | None:
-    """How something falls whose halves are seen at times [F]; None where it does not fall freely."""
-    found = [motion_of(times - times[0], each, halves.normals) for each in halves.middles]
+def _fall(halves: _Halves) -> Fall | None:
+    """How something falls, as its halves tell it; None where it does not fall freely."""
+    found = [motion_of(halves.times, each, halves.normals) for each in halves.middles]
     left = np.array([each for *_, each in found])
     if np.sqrt(np.sum(left**2, axis=2).mean(axis=1)).max() > RESIDUAL_M:
         return None
     # What both halves leave alike is how it swings; what they leave otherwise is noise of their tracks.
     noise = np.sum((left[1] - left[0]) ** 2) / 2.0
     swing = max(np.sum(left**2) / 2.0 - noise, 0.0)
-    weight = 1.0 if halves.normals is None else SWING**2
+    weight = SWING**2 if halves.normals.any() else 1.0
     # A middle is given by as many numbers as it has coordinates, less those that are fitted to them.
-    free = times.size * 3 - len(RANGES) - 3
+    free = halves.times.size * 3 - len(RANGES) - 3
     variance = max((noise + weight * swing) / free, NOISE_M**2)
     return Fall(
         motions=np.array([motion for motion, *_ in found]),
@@ -166,47 +169,38 @@ def _fall(times: np.ndarray, halves: _Halves) -> Fall | None:
     )
 
 
-def motion_of(
-    times: np.ndarray, places: np.ndarray, normals: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def motion_of(times: np.ndarray, places: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How something falls, [5] as in `Fall`, that is at places [F, 3] metres at times [F] seconds from 0 on; the
     covariance [5, 5] of that by places that are known to a metre; and the residuals [F, 3], metres.
 
     Args:
-        normals: [F, 3, 3] which way a sheet faces then; None of what carries no air.
+        normals: [F, 3, 3] which way a sheet faces then; 0 of what carries no air.
     """
     first = (places[1] - places[0]) / (times[1] - times[0])
-    told = 7 if normals is None else 8
-    start, ranges = np.array([*first, 0.0, 0.0, -GRAVITY, 0.0, 0.0]), RANGES[:told]
-
-    def moving(unknown: np.ndarray) -> np.ndarray:
-        return np.append(unknown, np.zeros(8 - told))
+    start = np.array([*first, 0.0, 0.0, -GRAVITY, 0.0, 0.0])
 
     def left(unknown: np.ndarray) -> np.ndarray:
-        velocity, motion = np.split(moving(unknown), [3])
+        velocity, motion = np.split(unknown, [3])
         off = places - fallen(times, velocity=velocity, motion=motion, normals=normals)
         return np.asarray(off - off.mean(axis=0))
 
     def off(unknown: np.ndarray) -> np.ndarray:
-        return np.append(left(unknown).ravel(), NOISE_M * (unknown - start[:told]) / ranges)
+        return np.append(left(unknown).ravel(), NOISE_M * (unknown - start) / RANGES)
 
     # What carries less than nothing has no mass left at some facing.
-    lowest = np.array([*7 * [-np.inf], LEAST_CARRIED])[:told]
-    found = least_squares(off, start[:told], x_scale=ranges, bounds=(lowest, np.inf))
-    covariance = np.zeros((8, 8))
-    covariance[:told, :told] = np.linalg.inv(found.jac.T @ found.jac)
-    return moving(found.x)[3:], covariance[3:, 3:], left(found.x)
+    lowest = np.array([*7 * [-np.inf], LEAST_CARRIED])
+    found = least_squares(off, start, x_scale=RANGES, bounds=(lowest, np.inf))
+    covariance = np.linalg.inv(found.jac.T @ found.jac)
+    return found.x[3:], covariance[3:, 3:], left(found.x)
 
 
-def fallen(
-    times: np.ndarray, *, velocity: np.ndarray, motion: np.ndarray, normals: np.ndarray | None = None
-) -> np.ndarray:
+def fallen(times: np.ndarray, *, velocity: np.ndarray, motion: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """[F, 3] metres by which something falls in times [F] seconds, from 0 on.
 
     Args:
         velocity: [3] m/s, at first.
         motion: [5] as in `Fall`.
-        normals: [F, 3, 3] which way a sheet faces then; None of what carries no air.
+        normals: [F, 3, 3] which way a sheet faces then; 0 of what carries no air.
     """
     acceleration, drag, carried = motion[:3], motion[3], motion[4]
     place, speed, now = np.zeros(3), np.asarray(velocity, np.float64), 0.0
@@ -214,9 +208,7 @@ def fallen(
     for frame, time in enumerate(times):
         count = int(np.ceil((time - now) / STEP_S - 1e-9))
         step = (time - now) / max(count, 1)
-        moved = np.eye(3)
-        if normals is not None:
-            moved = np.linalg.inv(moved + carried * normals[max(frame - 1, 0) : frame + 1].mean(axis=0))
+        moved = np.linalg.inv(np.eye(3) + carried * normals[max(frame - 1, 0) : frame + 1].mean(axis=0))
         for _ in range(count):
             # The midpoint method: what it is off by in a fall is below a tenth of a millimetre.
             middle = speed + 0.5 * step * moved @ (acceleration - drag * np.linalg.norm(speed) * speed)

@@ -31,7 +31,7 @@ nothing or with springs that relax, by 0.01, 0.04, 0.14 and 0.09 (0.02, 0.08, 0.
 
 LEAST_TOLD = np.array([0.2, 0.2, 0.6])
 """[3] m/s^2, the standard deviations with which a fall of a sheet tells a steady pull at most: other motions tell more
-than one that swings as it falls."""
+than one that swings as it falls. What of a solid a fall does not tell no other motion does."""
 
 PARAMETER_GAIN, RIVAL_GAIN = 2.0, 3.0
 """In log-likelihood: what a further parameter must gain, and by how much less an effect that stands for another must
@@ -135,28 +135,18 @@ def measured_by_falls(names: Collection[str]) -> list[str]:
 
 
 def _halves(observations: Sequence[TrackedEpisode], *, lies_flat: bool) -> Halves | None:
-    """Those of all falls of episodes; None without a fall."""
+    """Those of all falls of episodes that tell enough; None without one."""
     falls = [each for one in observations for each in falls_in(one, lies_flat=lies_flat)]
     if not falls:
         return None
     motions = np.concatenate([each.motions for each in falls])
     noise = np.concatenate([each.covariances for each in falls])
+    whitening = np.linalg.inv(np.linalg.cholesky(noise + np.diag(SPREAD**2)))
     if not lies_flat:
-        # A solid carries no air.
-        return Halves(motions=motions, whitening=_whitening(noise, np.array([*SPREAD[:4], np.inf])))
-    whitening = _whitening(noise, SPREAD)
+        return Halves(motions=motions, whitening=whitening)
     told = (np.linalg.norm(whitening[:, :, :3], axis=1) >= 1.0 / LEAST_TOLD).all(axis=1)
     chosen = np.flatnonzero(np.repeat(told.reshape(-1, 2).all(axis=1), 2))
     return Halves(motions=motions[chosen], whitening=whitening[chosen]) if len(chosen) else None
-
-
-def _whitening(noise: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """[H, 5, 5] that brings what has a covariance [H, 5, 5] and standard deviations [5] beside it to standard ones."""
-    finite = np.isfinite(spread)
-    whitening = np.zeros_like(noise)
-    within = np.ix_(range(len(noise)), finite, finite)
-    whitening[within] = np.linalg.inv(np.linalg.cholesky(noise[within] + np.diag(spread[finite] ** 2)))
-    return whitening
 
 
 def _motion(values: Values) -> np.ndarray:

@@ -14,32 +14,34 @@ FARTHEST = 0.35
 up."""
 
 FEWEST_TRACKS = 12
+"""Seen at a time, of what is to be told from them."""
 
 SMOOTHING = 1e-4
 """Of the spline, in lengths of the sheet: what two tracks of one place differ by is noise."""
 
 
-def seen_sheet(nodes: np.ndarray, rest: np.ndarray, positions: np.ndarray) -> np.ndarray | None:
-    """[N, 3] metres, where the nodes of a sheet are; None where too little of it is seen.
+def seen_sheet(nodes: np.ndarray, rest: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """[F, N, 3] metres, where the nodes of a sheet are in F frames; NaN in frames where too little of it is seen.
 
     Args:
         nodes: [N, 3] metres, at rest.
         rest: [P, 3] metres, tracks at rest, in the same frame.
-        positions: [P, 3] metres, where they are seen; NaN where not.
+        positions: [F, P, 3] metres, where they are seen; NaN where not.
     """
-    seen = np.isfinite(positions).all(axis=1)
     centre = nodes.mean(axis=0)
     axes = np.linalg.svd(nodes - centre, full_matrices=False)[2]
     length = float(np.ptp((nodes - centre) @ axes[0]))
-    everywhere, known = ((each - centre) @ axes[:2].T / length for each in (nodes, rest[seen]))
-    if len(known) < FEWEST_TRACKS or cKDTree(known).query(everywhere)[0].max() > FARTHEST:
-        return None
-    try:
-        spline = RBFInterpolator(known, positions[seen].astype(np.float64), smoothing=SMOOTHING, degree=1)
-    except np.linalg.LinAlgError:
-        # Tracks on one line, as of a ribbon, do not tell how it lies across.
-        return None
-    return np.asarray(spline(everywhere))
+    everywhere, known = ((each - centre) @ axes[:2].T / length for each in (nodes, rest))
+    places = np.full((len(positions), *nodes.shape), np.nan)
+    for frame, tracks in zip(places, positions.astype(np.float64), strict=True):
+        seen = np.isfinite(tracks).all(axis=1)
+        if seen.sum() >= FEWEST_TRACKS and cKDTree(known[seen]).query(everywhere)[0].max() <= FARTHEST:
+            try:
+                frame[:] = RBFInterpolator(known[seen], tracks[seen], smoothing=SMOOTHING, degree=1)(everywhere)
+            except np.linalg.LinAlgError:
+                # Tracks on one line, as of a ribbon, do not tell how it lies across.
+                continue
+    return places
 
 
 def normal_products(places: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -19,6 +19,9 @@ from tests.observation.falling import dropped
 NAMES = measured_by_falls(sorted(LIBRARY))
 G = 9.81
 
+NO_AIR = np.zeros((11, 3, 3))
+"""[F, 3, 3] how what carries no air faces."""
+
 GRID = np.stack(np.meshgrid(np.linspace(-0.15, 0.15, 10), np.linspace(-0.2, 0.2, 13), [0.0]), axis=-1).reshape(-1, 3)
 """[N, 3] a sheet, about its middle."""
 
@@ -100,14 +103,14 @@ def shown(effects: list[MeasuredEffect]) -> list[MeasuredEffect]:
 def test_a_fall_without_air_is_a_parabola():
     times, velocity, motion = np.array([0.0, 0.1, 0.37]), np.array([0.3, 0.0, -0.2]), np.array([0.5, 0.0, -G, 0.0, 0.0])
     expected = times[:, None] * velocity + 0.5 * times[:, None] ** 2 * motion[:3]
-    assert fallen(times, velocity=velocity, motion=motion) == pytest.approx(expected, abs=1e-12)
+    assert fallen(times, velocity=velocity, motion=motion, normals=NO_AIR) == pytest.approx(expected, abs=1e-12)
 
 
 def test_what_falls_long_in_air_falls_by_the_logarithm_of_a_hyperbolic_cosine():
     # x = ln(cosh(sqrt(g c) t)) / c of what falls from rest (Batchelor's quadratic drag).
     times, drag = np.linspace(0.0, 0.5, 6), 14.0
     x = np.log(np.cosh(np.sqrt(G * drag) * times)) / drag
-    moved = fallen(times, velocity=np.zeros(3), motion=np.array([0.0, 0.0, -G, drag, 0.0]))
+    moved = fallen(times, velocity=np.zeros(3), motion=np.array([0.0, 0.0, -G, drag, 0.0]), normals=NO_AIR)
     assert moved[:, 2] == pytest.approx(-x, abs=2e-4)
 
 
@@ -115,8 +118,8 @@ def test_what_falls_long_in_air_falls_by_the_logarithm_of_a_hyperbolic_cosine():
 @pytest.mark.parametrize("motion", [(0.0, 0.0, -G, 0.0, 0.0), (1.2, -0.7, -6.0, 0.0, 0.0), (0.0, 0.0, -G, 5.0, 0.0)])
 def test_how_it_fell_comes_back_however_it_was_let_go(thrown: tuple[float, ...], motion: tuple[float, ...]):
     times = np.arange(9) / 30.0
-    places = 0.3 + fallen(times, velocity=np.array(thrown), motion=np.array(motion))
-    again, _, missed = motion_of(times, places)
+    places = 0.3 + fallen(times, velocity=np.array(thrown), motion=np.array(motion), normals=NO_AIR)
+    again, _, missed = motion_of(times, places, NO_AIR)
     assert again == pytest.approx(motion, abs=1e-3)
     assert np.abs(missed).max() < 1e-6
 
@@ -156,6 +159,15 @@ def test_a_sheet_that_falls_freely_shows_nothing_whatever_is_hidden_of_it(hidden
 
 def test_a_sheet_of_which_half_is_hidden_tells_nothing():
     assert found_in_sheet(falling_sheet(hidden=0.5)) == []
+
+
+def test_frames_that_hide_half_of_a_sheet_are_left_out_and_the_others_tell():
+    air, hides = falling_sheet(carried=0.8), falling_sheet(carried=0.8, hidden=0.5)
+    air.tracks.positions[[4, 9]] = hides.tracks.positions[[4, 9]]
+    (named,) = shown(found_in_sheet(air))
+    assert named.values["ratio"] == pytest.approx(0.8, abs=0.1)
+    air.tracks.positions[2:7] = hides.tracks.positions[2:7]
+    assert found_in_sheet(air) == []
 
 
 def test_gravity_is_named_by_one_fall_and_not_the_force_that_does_the_same():

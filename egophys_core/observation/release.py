@@ -23,7 +23,7 @@ TOGETHER_S = 0.1
 FEWEST_POINTS = 5
 
 FALLS_M_S2 = 1.0
-"""An acceleration below which nothing falls."""
+"""An acceleration downwards below which nothing falls."""
 
 RESIDUAL_SHARE = 0.05
 """Of how far it falls in the window, the residual of a fall at one acceleration at most (root mean square)."""
@@ -52,12 +52,12 @@ def with_releases(episode: Episode, hands: Sequence[Hand], delay: float) -> Rele
     Args:
         delay: seconds by which the points are recorded later than the hands.
     """
-    found = Released(episode=episode, hands=tuple(hands), falls=())
+    found, later = Released(episode=episode, hands=tuple(hands), falls=()), np.inf
     # From the last on, so that the frames of the others stay.
     for last in reversed(_let_go(found.hands, episode.frames)):
-        moment = _moment(episode, last, delay)
+        moment = None if later - episode.times[last] <= TOGETHER_S + delay else _moment(episode, last, delay)
         if moment is not None:
-            found = _with_moment(found, last, moment - delay)
+            found, later = _with_moment(found, moment - delay), moment
     return found
 
 
@@ -73,7 +73,8 @@ def _let_go(hands: Sequence[Hand], frames: int) -> list[int]:
 def _moment(episode: Episode, last: int, delay: float) -> float | None:
     """Seconds, in the record of the points, from which on what was held until about a frame falls; None if it does not.
 
-    Until then the mean of its points moves evenly, and then it is accelerated evenly.
+    Until then the mean of its points rises or sinks evenly, and then it is accelerated evenly downwards. Hands that
+    carry it along as they let go accelerate it aside, and more than gravity does: that tells nothing.
     """
     times = episode.times
     about = times[last] + delay
@@ -86,41 +87,44 @@ def _moment(episode: Episode, last: int, delay: float) -> float | None:
     seen = points_seen_mostly(episode.points[window])
     if len(seen) < FEWEST_POINTS:
         return None
-    path = mean_path(episode.points[window][:, seen])
-    known = np.isfinite(path).all(axis=1)
-    since, places = times[window][known], path[known]
+    heights = mean_path(episode.points[window][:, seen])[:, 2]
+    known = np.isfinite(heights)
+    since, heights = times[window][known], heights[known]
     tried = np.linspace(about - TOGETHER_S, about + TOGETHER_S, TRIED)
-    fits = [_falling_from(moment, since, places) for moment in tried]
+    fits = [_falling_from(moment, since, heights) for moment in tried]
     best = int(np.argmin([residual for _, residual in fits]))
     acceleration, residual = fits[best]
-    size = float(np.linalg.norm(acceleration))
-    fallen = 0.5 * size * (since[-1] - tried[best]) ** 2
-    return float(tried[best]) if size >= FALLS_M_S2 and residual <= RESIDUAL_SHARE * fallen else None
+    fallen = 0.5 * acceleration * (since[-1] - tried[best]) ** 2
+    return float(tried[best]) if acceleration >= FALLS_M_S2 and residual <= RESIDUAL_SHARE * fallen else None
 
 
-def _falling_from(moment: float, times: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, float]:
-    """The acceleration [3] from a moment on that fits places [T, 3] best, and its residual, metres."""
+def _falling_from(moment: float, times: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
+    """The acceleration downwards from a moment on that fits heights [T] best, and its residual, metres."""
     since = times - moment
     terms = np.stack([np.ones_like(since), since, 0.5 * np.maximum(since, 0.0) ** 2], axis=1)
-    found, *_ = np.linalg.lstsq(terms, places, rcond=None)
-    return found[2], float(np.sqrt(np.mean(np.sum((places - terms @ found) ** 2, axis=1))))
+    found, *_ = np.linalg.lstsq(terms, heights, rcond=None)
+    return -float(found[2]), float(np.sqrt(np.mean((heights - terms @ found) ** 2)))
 
 
-def _with_moment(found: Released, last: int, moment: float) -> Released:
-    """With contacts that end at a moment, seconds, if they were found to end about a frame, and that as a frame."""
+def _with_moment(found: Released, moment: float) -> Released:
+    """With contacts that end at a moment, seconds, if they were found to end about then, and that as a frame."""
     times = found.episode.times
     nearest = int(np.argmin(np.abs(times - moment)))
     new = int(abs(times[nearest] - moment) >= SEPARATE_S)
     frame = int(np.searchsorted(times, moment)) if new else nearest
 
-    def moved(each: Contact) -> Contact:
-        if abs(times[each.last] - times[last]) <= TOGETHER_S:
-            return replace(each, last=max(frame - 1, each.first))
+    def moved(each: Contact) -> Contact | None:
+        if abs(times[each.last] - moment) <= TOGETHER_S:
+            # What seems to be touched again as it begins to fall is not.
+            return replace(each, last=frame - 1) if each.first < frame else None
         return replace(each, first=each.first + new, last=each.last + new) if each.first >= frame else each
 
     return Released(
         episode=_with_frame(found.episode, frame, moment) if new else found.episode,
-        hands=tuple(replace(hand, contacts=tuple(map(moved, hand.contacts))) for hand in found.hands),
+        hands=tuple(
+            replace(hand, contacts=tuple(each for each in map(moved, hand.contacts) if each is not None))
+            for hand in found.hands
+        ),
         falls=(frame, *(each + new for each in found.falls)),
     )
 

@@ -1,5 +1,7 @@
 """The moment at which hands let go is between two frames: it becomes one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,6 +26,31 @@ def test_what_is_dropped_falls_from_the_moment_at_which_it_is_let_go(rate: float
         assert not seen.episode.visible[frame].any()
         assert np.array_equal(seen.episode.times[own], episode.times)
         assert np.array_equal(seen.episode.points[own], episode.points, equal_nan=True)
+
+
+@pytest.mark.parametrize("aside", [0.06, -0.15])
+@pytest.mark.parametrize("rate", [20.0, 30.0, 60.0])
+def test_what_is_let_go_on_the_way_falls_from_that_moment(rate: float, aside: float):
+    # Its mean is pulled aside by up to 36 m/s^2 before that, more than by gravity after it.
+    let_go = 2.8 + 0.4 / rate
+    seen = observe_episode(dropped(let_go, rate=rate, aside=aside))
+    (frame,) = seen.falls
+    assert seen.episode.times[frame] == pytest.approx(let_go, abs=0.003)
+    assert (seen.contact[frame - 1] == ContactKind.HOLD).all()
+    assert (seen.contact[frame:] == ContactKind.NONE).all()
+
+
+def test_a_hand_that_seems_to_touch_what_it_let_go_does_not():
+    # The hand follows it down for a moment, as that of a person may.
+    let_go = 2.815
+    episode = dropped(let_go, aside=0.12)
+    (frame,) = np.flatnonzero((episode.times > let_go + 0.02) & (episode.times < let_go + 0.06))
+    contact = np.zeros((episode.frames, episode.controllers.shape[1]), bool)
+    contact[30 : frame - 2] = contact[frame] = True
+    seen = observe_episode(replace(episode, contact=contact))
+    (fell,) = seen.falls
+    assert seen.episode.times[fell] == pytest.approx(let_go, abs=0.003)
+    assert (seen.contact[fell:] == ContactKind.NONE).all()
 
 
 def test_what_is_set_down_does_not_fall():

@@ -8,7 +8,7 @@ are in log-likelihood, on data that were left out.
 from dataclasses import dataclass, replace
 from typing import Self
 
-from egophys_core.diagnosis.verdict.null_gains import NullGains
+from egophys_core.diagnosis.verdict.null_gains import RECORDED, NullGains
 
 NOISE_SHARE = 0.5
 """Of what points near hands miss of a step of these (`TrackedEpisode.noise`), what is left in the mean of a block. It
@@ -50,9 +50,9 @@ class Thresholds:
     predicting_share: float = 1.0
     """Of the track errors of free rollouts, geometric mean over what was given: a second effect has to leave less; on
     no data."""
-    unvalidated_gain: float = 132.0
+    unvalidated_gain: float = RECORDED.gain_of(UNVALIDATED_SHARE)
     """Gain that an effect needs without a validation episode that would show it: 1 in 40 sets that lack nothing gains
-    as much (`null_gains.py`); 172 where motions were asked for. With 90 a force was named with 108 in a sheet that
+    as much, 132; 172 where motions were asked for. With 90 a force was named with 108 in a sheet that
     lacked nothing, after two motions of its own asking; drags and gravities that were there gained 323 to 769."""
     episodes_in_turn: int = 3
     """Fitted motions, each of which gains when it is left out as a whole, from which `in_turn_gain` is enough; as many
@@ -90,9 +90,9 @@ class Thresholds:
     left_share: float = 0.7
     """Share of the residuals of free rollouts that an effect may leave where they exceed `floor_m`; a recorded cable
     on a thread was said to feel a steady force, which left 33 mm of 38."""
-    structure_gain: float = 73.0
+    structure_gain: float = RECORDED.gain_of(1.0 / STRUCTURED)
     """Gain of a generic law, or of an effect that is not named, from which a residual is structured: one in
-    `STRUCTURED` sets that lack nothing gains as much (`null_gains.py`); 103 where motions were asked for. There two of
+    `STRUCTURED` sets that lack nothing gains as much, 73; 103 where motions were asked for. There two of
     nine sets that it was calibrated on gain more, and with 70 it was said of five of ten others."""
     refit_gain: float = 50.0 / 6.0
     """Gain by slopes or large-amplitude probes below which no refit has found an injected effect."""

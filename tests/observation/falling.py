@@ -1,9 +1,10 @@
 """A ball that hands lift, hold and let go, and that falls at once."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from egophys_core.episode import Episode
-from tests.observation.test_contact import ABOVE, HOVER, ball, carried, fingers, observed, path, seconds
+from tests.observation.test_contact import ABOVE, HOVER, RADIUS, ball, carried, fingers, observed, path, seconds
 
 LIFTED = 0.45
 """Metres."""
@@ -21,6 +22,7 @@ def dropped(
     acceleration: tuple[float, float, float] = (0.0, 0.0, -9.81),
     drag: float = 0.0,
     aside: float = 0.0,
+    spin: float = 0.0,
     seed: int = 0,
 ) -> Episode:
     """Let go at a time in seconds; recorded until it is about to land.
@@ -29,6 +31,7 @@ def dropped(
         acceleration: [3] m/s^2 of what falls.
         drag: what air takes of its speed squared, 1/m.
         aside: metres by which the hand moves aside as it lets go.
+        spin: rad/s about the y axis at which it turns as it falls; seen from -y, and that half of it alone.
         seed: of the noise.
     """
     times, up = seconds(let_go + 0.34, rate), ABOVE + [0, 0, LIFTED]
@@ -45,4 +48,9 @@ def dropped(
             speed = speed + step * (np.array(acceleration) - drag * np.linalg.norm(speed) * speed)
             place, now = place + step * speed, now + step
         moved[frame] = place
-    return observed(times, ball() + moved[:, None], fingers(hand), noise, seed)
+    turns = Rotation.from_rotvec(np.outer(spin * np.maximum(times - let_go, 0.0), [0.0, 1.0, 0.3]))
+    middle = np.array([0.0, 0.0, RADIUS])
+    points = middle + np.stack([each.apply(ball() - middle) for each in turns])
+    if spin:
+        points[points[..., 1] > 0.0] = np.nan
+    return observed(times, points + moved[:, None], fingers(hand), noise, seed)

@@ -1,7 +1,7 @@
 """How an object falls that nobody holds: gravity, the air and what acts on all of it decide, whatever it is made of.
 
-x'' = a - c |v| v of the mean of the tracks that are seen in most of a fall, and (1 + r <n n^T>) x'' = a - c |v| v of
-the middle of a sheet, which carries air along its normals n; however it was let go. A twin says little of a fall: where
+x'' = a - c |v| v of the middle of a solid, and (1 + r <n n^T>) x'' = a - c |v| v of that of a sheet, which carries air
+along its normals n; however it was let go. A twin says little of a fall: where
 it begins a few milliseconds late its offsets are those of a gravity that is less by a tenth, and the loss of residuals
 forgives what is off by more than some millimetres.
 """
@@ -13,11 +13,10 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from egophys_core.constants import GRAVITY
-from egophys_core.diagnosis.direct.seen_sheet import FEWEST_TRACKS, normal_products, seen_sheet
+from egophys_core.diagnosis.direct.seen_shape import normal_products, seen_sheet, seen_solid
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.geometry import rigid_fit
 from egophys_core.kinds.surface_faces import faces_of_sheet
-from egophys_core.observation.mean_path import mean_path, points_seen_mostly
 
 LEAST_S, FEWEST_FRAMES = 0.16, 6
 """Seconds, and frames, of a fall that tell anything."""
@@ -32,8 +31,12 @@ seen."""
 RESIDUAL_M = 0.0015
 """Metres, root mean square, that the mean of tracks leaves of a fall at most: what leaves more has landed."""
 
-TURNS_RAD = 0.8
-"""By which tracks of a solid turn in a fall at most: what is seen of it goes round the rest."""
+TURNS_RAD = 2.0
+"""By which a solid turns in a fall at most: what is seen of it then is not what was seen before."""
+
+MIDDLE_M = 0.01
+"""Metres (standard deviation) from the middle of a solid to where its mass is in the mean, about which it turns. A
+quarter of its mass added at one end moves that by as much."""
 
 NOISE_M = 1e-4
 """Metres (standard deviation) to which a middle is known at best."""
@@ -62,7 +65,7 @@ class Fall:
     """[2, 5] of each half: the acceleration of what is slow and carries nothing, m/s^2; the deceleration by air over
     the square of its speed, 1/m; the air that it carries along its normals, over its mass, 0 of a solid."""
     covariances: np.ndarray
-    """[2, 5, 5] of these, by noise of the tracks and how it swings."""
+    """[2, 5, 5] of these, by noise of the tracks, and how it swings or turns."""
 
 
 def falls_in(observation: TrackedEpisode, *, lies_flat: bool) -> list[Fall]:
@@ -71,12 +74,11 @@ def falls_in(observation: TrackedEpisode, *, lies_flat: bool) -> list[Fall]:
     Args:
         lies_flat: whether the object is a sheet.
     """
-    seen_in = _sheet_halves if lies_flat else _solid_halves
     return [
         fall
         for first in observation.falls
         if (frames := _frames_of_fall(observation, first)) is not None
-        and (halves := seen_in(observation, frames)) is not None
+        and (halves := _halves(observation, frames, lies_flat=lies_flat)) is not None
         and (fall := _fall(halves)) is not None
     ]
 
@@ -91,6 +93,8 @@ class _Halves:
     """[2, F, 3] metres of each, its middle."""
     normals: np.ndarray
     """[F, 3, 3] which way a sheet faces, as by `normal_products`; 0 of a solid."""
+    turns: float
+    """Radians a second, of a solid; 0 of a sheet."""
 
 
 def _frames_of_fall(observation: TrackedEpisode, let_go: int) -> np.ndarray | None:
@@ -116,38 +120,35 @@ def _tells(times: np.ndarray) -> bool:
     return bool(times.size >= FEWEST_FRAMES and np.ptp(times) >= LEAST_S)
 
 
-def _solid_halves(observation: TrackedEpisode, frames: np.ndarray) -> _Halves | None:
-    """The mean of the tracks that are seen in most frames [F]; None where they are few, or turn too far."""
-    falling = observation.tracks.positions[frames]
-    tracks = points_seen_mostly(falling)
-    ends = falling[[0, -1]][:, tracks].astype(np.float64)
-    in_both = np.isfinite(ends).all(axis=(0, 2))
-    if in_both.sum() < FEWEST_TRACKS:
-        return None
-    turn, _ = rigid_fit(*ends[:, in_both])
-    if Rotation.from_matrix(turn).magnitude() > TURNS_RAD:
-        return None
-    middles = np.array([mean_path(falling[:, tracks[part::2]]) for part in range(2)])
-    if not np.isfinite(middles).all():
-        return None
-    times = observation.episode.times[frames]
-    return _Halves(times=times - times[0], middles=middles, normals=np.zeros((times.size, 3, 3)))
-
-
-def _sheet_halves(observation: TrackedEpisode, frames: np.ndarray) -> _Halves | None:
-    """The middle of a sheet in those of frames [F] in which enough of it is seen; None where these are too few."""
+def _halves(observation: TrackedEpisode, frames: np.ndarray, *, lies_flat: bool) -> _Halves | None:
+    """The middle of the object in those of frames [F] in which enough of it is seen; None where these are too few, or
+    a solid turns too far."""
     nodes, rest = observation.problem.start.astype(np.float64), observation.rest
     falling = observation.tracks.positions[frames]
-    places = np.array([seen_sheet(nodes, rest[part::2], falling[:, part::2]) for part in range(2)])
+    where = seen_sheet if lies_flat else seen_solid
+    places = np.array([where(nodes, rest[part::2], falling[:, part::2]) for part in range(2)])
     known = np.isfinite(places).all(axis=(0, 2, 3))
     times, places = observation.episode.times[frames[known]], places[:, known]
     if not _tells(times):
         return None
+    if lies_flat:
+        normals, turned = normal_products(places, faces_of_sheet(nodes)).mean(axis=0), 0.0
+    else:
+        normals, turned = np.zeros((times.size, 3, 3)), _turned(places.mean(axis=0))
+    if turned > TURNS_RAD:
+        return None
     return _Halves(
         times=times - times[0],
         middles=places.mean(axis=2),
-        normals=normal_products(places, faces_of_sheet(nodes)).mean(axis=0),
+        normals=normals,
+        turns=turned / float(np.ptp(times)),
     )
+
+
+def _turned(places: np.ndarray) -> float:
+    """Radians by which nodes at [F, N, 3] turn from the first to the last frame."""
+    turn, _ = rigid_fit(places[0], places[-1])
+    return float(Rotation.from_matrix(turn).magnitude())
 
 
 def _fall(halves: _Halves) -> Fall | None:
@@ -163,9 +164,11 @@ def _fall(halves: _Halves) -> Fall | None:
     # A middle is given by as many numbers as it has coordinates, less those that are fitted to them.
     free = halves.times.size * 3 - len(RANGES) - 3
     variance = max((noise + weight * swing) / free, NOISE_M**2)
+    # What turns about another place than its middle pulls that towards it.
+    towards = np.diag([*3 * [(MIDDLE_M * halves.turns**2) ** 2], 0.0, 0.0])
     return Fall(
         motions=np.array([motion for motion, *_ in found]),
-        covariances=variance * np.array([covariance for _, covariance, _ in found]),
+        covariances=variance * np.array([covariance for _, covariance, _ in found]) + towards,
     )
 
 

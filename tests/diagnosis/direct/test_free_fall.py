@@ -15,6 +15,7 @@ from egophys_core.effects import LIBRARY
 from egophys_core.episode import Episode
 from egophys_core.observation import observe_episode
 from tests.observation.falling import dropped
+from tests.observation.test_contact import ball
 
 NAMES = measured_by_falls(sorted(LIBRARY))
 G = 9.81
@@ -29,14 +30,16 @@ GRID = np.stack(np.meshgrid(np.linspace(-0.15, 0.15, 10), np.linspace(-0.2, 0.2,
 def tracked(episode: Episode) -> Any:
     """What is asked of an episode that was prepared for a twin."""
     seen = observe_episode(episode)
+    known = np.isfinite(seen.episode.points[0]).all(axis=1)
     return SimpleNamespace(
         rest=seen.at_rest,
+        problem=SimpleNamespace(start=ball()),
         episode=seen.episode,
         falls=seen.falls,
         hangs=seen.hangs,
         contact=seen.contact,
         delay=seen.delay,
-        tracks=SimpleNamespace(positions=seen.episode.points),
+        tracks=SimpleNamespace(positions=seen.episode.points[:, known]),
     )
 
 
@@ -168,6 +171,25 @@ def test_frames_that_hide_half_of_a_sheet_are_left_out_and_the_others_tell():
     assert named.values["ratio"] == pytest.approx(0.8, abs=0.1)
     air.tracks.positions[2:7] = hides.tracks.positions[2:7]
     assert found_in_sheet(air) == []
+
+
+def test_what_turns_as_it_falls_shows_nothing_but_what_is_there():
+    # Half of it is seen, and goes round the rest: 1.6 rad in the fall.
+    assert not shown(found(dropped(2.81, spin=5.0)))
+    (gravity,) = shown(found(dropped(2.81, spin=5.0, acceleration=(0.0, 0.0, -0.7 * G))))
+    assert gravity.name == "gravity_scale"
+    assert gravity.values["scale"] == pytest.approx(0.7, abs=0.04)
+    assert not shown(found(dropped(2.81, spin=9.0)))
+
+
+def test_what_turns_faster_tells_less():
+    slow, fast = (
+        fall_limits(["gravity_tilt"], [tracked(dropped(2.81, spin=each))], lies_flat=False, needed=12.0)[0].size
+        for each in (1.0, 5.0)
+    )
+    assert slow is not None
+    assert fast is not None
+    assert slow < 0.06 < fast
 
 
 def test_gravity_is_named_by_one_fall_and_not_the_force_that_does_the_same():

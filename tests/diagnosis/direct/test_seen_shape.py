@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.direct.seen_sheet import normal_products, seen_sheet
+from egophys_core.diagnosis.direct.seen_shape import normal_products, seen_sheet
 from egophys_core.geometry import about_vertical
 from egophys_core.kinds.surface_faces import faces_of_sheet
 

@@ -1,13 +1,15 @@
-"""Where all of a sheet is of which a part is seen.
+"""Where all of an object is of which a part is seen.
 
-The mean of what is seen is not its middle: a sheet that opens or folds hides some of itself, and that moves the mean of
-the rest. So what is hidden is taken to lie on the thin-plate spline over the sheet at rest through what is seen
-(Duchon, 1977).
+The mean of what is seen is not its middle: a sheet that opens or folds hides some of itself, and what is seen of a
+solid that turns goes round the rest. So what is hidden of a sheet is taken to lie on the thin-plate spline over it at
+rest through what is seen (Duchon, 1977), and a solid to turn as a whole.
 """
 
 import numpy as np
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial import cKDTree
+
+from egophys_core.geometry import rigid_fit
 
 FARTHEST = 0.35
 """Of the length of the sheet, from a node to the nearest track that is seen at most: farther, a spline makes the shape
@@ -41,6 +43,23 @@ def seen_sheet(nodes: np.ndarray, rest: np.ndarray, positions: np.ndarray) -> np
             except np.linalg.LinAlgError:
                 # Tracks on one line, as of a ribbon, do not tell how it lies across.
                 continue
+    return places
+
+
+def seen_solid(nodes: np.ndarray, rest: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """[F, N, 3] metres, where the nodes of a solid are in F frames; NaN in frames in which few tracks are seen.
+
+    Args:
+        nodes: [N, 3] metres, at rest.
+        rest: [P, 3] metres, tracks at rest, in the same frame.
+        positions: [F, P, 3] metres, where they are seen; NaN where not.
+    """
+    places = np.full((len(positions), *nodes.shape), np.nan)
+    for frame, tracks in zip(places, positions.astype(np.float64), strict=True):
+        seen = np.isfinite(tracks).all(axis=1)
+        if seen.sum() >= FEWEST_TRACKS:
+            turn, shift = rigid_fit(rest[seen], tracks[seen])
+            frame[:] = nodes @ turn.T + shift
     return places
 
 

@@ -15,8 +15,8 @@ FARTHEST = 0.35
 """Of the length of the sheet, from a node to the nearest track that is seen at most: farther, a spline makes the shape
 up."""
 
-FEWEST_TRACKS = 12
-"""Seen at a time, of what is to be told from them."""
+FEWEST_OF_SHEET, FEWEST_OF_SOLID = 12, 6
+"""Tracks that are seen at a time, to tell from them where the rest is."""
 
 SMOOTHING = 1e-4
 """Of the spline, in lengths of the sheet: what two tracks of one place differ by is noise."""
@@ -37,7 +37,7 @@ def seen_sheet(nodes: np.ndarray, rest: np.ndarray, positions: np.ndarray) -> np
     places = np.full((len(positions), *nodes.shape), np.nan)
     for frame, tracks in zip(places, positions.astype(np.float64), strict=True):
         seen = np.isfinite(tracks).all(axis=1)
-        if seen.sum() >= FEWEST_TRACKS and cKDTree(known[seen]).query(everywhere)[0].max() <= FARTHEST:
+        if seen.sum() >= FEWEST_OF_SHEET and cKDTree(known[seen]).query(everywhere)[0].max() <= FARTHEST:
             try:
                 frame[:] = RBFInterpolator(known[seen], tracks[seen], smoothing=SMOOTHING, degree=1)(everywhere)
             except np.linalg.LinAlgError:
@@ -57,7 +57,7 @@ def seen_solid(nodes: np.ndarray, rest: np.ndarray, positions: np.ndarray) -> np
     places = np.full((len(positions), *nodes.shape), np.nan)
     for frame, tracks in zip(places, positions.astype(np.float64), strict=True):
         seen = np.isfinite(tracks).all(axis=1)
-        if seen.sum() >= FEWEST_TRACKS:
+        if seen.sum() >= FEWEST_OF_SOLID:
             turn, shift = rigid_fit(rest[seen], tracks[seen])
             frame[:] = nodes @ turn.T + shift
     return places

@@ -182,6 +182,19 @@ def test_what_turns_as_it_falls_shows_nothing_but_what_is_there():
     assert not shown(found(dropped(2.81, spin=9.0)))
 
 
+def test_a_solid_of_which_few_points_are_tracked_tells_its_gravity_too():
+    episode = dropped(2.81, acceleration=(0.0, 0.0, -0.7 * G))
+    few = slice(None, None, 14)
+    episode = replace(
+        episode,
+        points=episode.points[:, few],
+        confidence=episode.confidence[:, few],
+        point_ids=episode.point_ids[few],
+    )
+    (gravity,) = shown(found(episode))
+    assert gravity.values["scale"] == pytest.approx(0.7, abs=0.05)
+
+
 def test_what_turns_faster_tells_less():
     slow, fast = (
         fall_limits(["gravity_tilt"], [tracked(dropped(2.81, spin=each))], lies_flat=False, needed=12.0)[0].size

@@ -29,7 +29,8 @@ CLEARANCE_M = 0.02
 seen."""
 
 RESIDUAL_M = 0.0015
-"""Metres, root mean square, that the mean of tracks leaves of a fall at most: what leaves more has landed."""
+"""Metres, root mean square, that both halves leave alike of a fall at most: what leaves more has landed. What they
+leave otherwise is noise of their tracks."""
 
 TURNS_RAD = 2.0
 """By which a solid turns in a fall at most: what is seen of it then is not what was seen before."""
@@ -155,11 +156,11 @@ def _fall(halves: _Halves) -> Fall | None:
     """How something falls, as its halves tell it; None where it does not fall freely."""
     found = [motion_of(halves.times, each, halves.normals) for each in halves.middles]
     left = np.array([each for *_, each in found])
-    if np.sqrt(np.sum(left**2, axis=2).mean(axis=1)).max() > RESIDUAL_M:
-        return None
     # What both halves leave alike is how it swings; what they leave otherwise is noise of their tracks.
     noise = np.sum((left[1] - left[0]) ** 2) / 2.0
     swing = max(np.sum(left**2) / 2.0 - noise, 0.0)
+    if np.sqrt(swing / halves.times.size) > RESIDUAL_M:
+        return None
     weight = SWING**2 if halves.normals.any() else 1.0
     # A middle is given by as many numbers as it has coordinates, less those that are fitted to them.
     free = halves.times.size * 3 - len(RANGES) - 3

@@ -96,6 +96,8 @@ class _Halves:
     """[F, 3, 3] which way a sheet faces, as by `normal_products`; 0 of a solid."""
     turns: float
     """Radians a second, of a solid; 0 of a sheet."""
+    swing: float
+    """Times the standard deviations that noise alone would have, of what both leave."""
 
 
 def _frames_of_fall(observation: TrackedEpisode, let_go: int) -> np.ndarray | None:
@@ -133,9 +135,9 @@ def _halves(observation: TrackedEpisode, frames: np.ndarray, *, lies_flat: bool)
     if not _tells(times):
         return None
     if lies_flat:
-        normals, turned = normal_products(places, faces_of_sheet(nodes)).mean(axis=0), 0.0
+        normals, turned, swing = normal_products(places, faces_of_sheet(nodes)).mean(axis=0), 0.0, SWING
     else:
-        normals, turned = np.zeros((times.size, 3, 3)), _turned(places.mean(axis=0))
+        normals, turned, swing = np.zeros((times.size, 3, 3)), _turned(places.mean(axis=0)), 1.0
     if turned > TURNS_RAD:
         return None
     return _Halves(
@@ -143,6 +145,7 @@ def _halves(observation: TrackedEpisode, frames: np.ndarray, *, lies_flat: bool)
         middles=places.mean(axis=2),
         normals=normals,
         turns=turned / float(np.ptp(times)),
+        swing=swing,
     )
 
 
@@ -161,10 +164,9 @@ def _fall(halves: _Halves) -> Fall | None:
     swing = max(np.sum(left**2) / 2.0 - noise, 0.0)
     if np.sqrt(swing / halves.times.size) > RESIDUAL_M:
         return None
-    weight = SWING**2 if halves.normals.any() else 1.0
     # A middle is given by as many numbers as it has coordinates, less those that are fitted to them.
     free = halves.times.size * 3 - len(RANGES) - 3
-    variance = max((noise + weight * swing) / free, NOISE_M**2)
+    variance = max((noise + halves.swing**2 * swing) / free, NOISE_M**2)
     # What turns about another place than its middle pulls that towards it.
     towards = np.diag([*3 * [(MIDDLE_M * halves.turns**2) ** 2], 0.0, 0.0])
     return Fall(

@@ -58,6 +58,15 @@ def test_of_three_episodes_the_last_is_not_fitted_and_supports_the_effect(wind):
     assert None in validation.values()
 
 
+def test_what_is_named_was_asked_beside_other_twins(wind):
+    diagnosis = wind[0].diagnosis
+    named = {each.name for each in diagnosis.effects}
+    criteria = {each.name: {one.name: one for one in each.criteria} for each in diagnosis.candidates}
+    for name in named:
+        assert criteria[name]["other_twins"].applied
+        assert criteria[name]["other_twins"].passed
+
+
 def test_the_improved_twin_predicts_better_and_names_its_parent(wind):
     finding, folder = wind
     for error in finding.diagnosis.error:

@@ -63,6 +63,8 @@ class RefittedEffect:
     """[R] the effect's share of the gain in each episode that was not fitted and would show it, `validated`."""
     parameters: dict[str, Estimate]
     episodes_agree: bool
+    gains_beside_others: np.ndarray | None = None
+    """[R] held-out gain beside each other twin of the object, `other_twins`; None where that was not asked."""
     shares_left: np.ndarray | None = None
     """[E] of the track errors of free rollouts without it, what is left with it in each episode that is given, fitted
     or not, `shares_left`; None where that was not looked at."""

@@ -8,6 +8,7 @@ from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare
 from egophys_core.diagnosis.evidence.generic_law import Law, find_law
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, judge, validated
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
+from egophys_core.diagnosis.evidence.other_twins import OtherTwin, beside_other_twins, other_twins
 from egophys_core.diagnosis.evidence.predicting_twin import shares_left
 from egophys_core.diagnosis.evidence.refit import Fitted, median_size, refit_further, robust_loss
 from egophys_core.diagnosis.hypotheses.large_amplitude import (
@@ -48,6 +49,20 @@ class Search:
     verdict: Verdict
     criteria: Mapping[str, tuple[CriterionResult, ...]]
     """Of every effect by name: those of the verdict, or what kept it from a refit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """The effects refitted and judged on one scale of the residuals."""
+
+    before: Fitted
+    """Without any of them."""
+    ranking: Ranking
+    refitted: list[RefittedEffect]
+    criteria: Criteria
+    """What kept each effect from a refit, or would have."""
+    gains: Mapping[str, float]
+    """What each promised."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +139,7 @@ def search(
         others: twins without the effect at which refits may start as well.
     """
     survey = _survey(problem, before, without, lambda share: progress("probe the effects", 0.3 * share))
-    found = _on_scale(problem, survey, before, others, lambda stage, share: progress(stage, 0.3 + 0.4 * share))
+    found = _on_scale(problem, survey, before, others, lambda stage, share: progress(stage, 0.3 + 0.3 * share))
     left = min((each.left_m for each in found.refitted), default=before.scale)
     finest = max(left, problem.observations[0].least_scale)
     if finest < FINER * before.scale:
@@ -134,9 +149,9 @@ def search(
             each.name: each.fitted.model for each in found.refitted if each.gain >= problem.thresholds.refit_gain
         }
         found = _on_scale(
-            problem, survey, before, others, lambda stage, share: progress(stage, 0.7 + 0.3 * share), earlier=earlier
+            problem, survey, before, others, lambda stage, share: progress(stage, 0.6 + 0.3 * share), earlier=earlier
         )
-    return found
+    return _decided(problem, survey, found, lambda stage: progress(stage, 0.9))
 
 
 def _survey(
@@ -177,17 +192,16 @@ def _on_scale(
     progress: Progress,
     *,
     earlier: Mapping[str, ObjectModel] = MappingProxyType({}),
-) -> Search:
+) -> Judged:
     """The effects judged on the scale of the residuals `before`.
 
     Args:
         earlier: models with effects that were refitted on a coarser scale: judged whatever the ranking says.
     """
     options = problem.options
-    thresholds = problem.thresholds
+    refit_gain = problem.thresholds.refit_gain
     promise = survey.promise(before.scale, surrogates=options.surrogates, seed=problem.seed)
-    ranking, worth = promise.ranking, promise.worth_a_refit(thresholds.refit_gain)
-    free = problem.observations[0].free
+    ranking, worth = promise.ranking, promise.worth_a_refit(refit_gain)
     kind = kind_of(before.model).name
     common = {effect.name for effect in LIBRARY.values() if kind in effect.traits.common_in}
     chosen = {*(each.name for each in worth[: options.shortlist]), *common, *earlier}
@@ -204,13 +218,26 @@ def _on_scale(
     )
     before = ended.before
     linear = linear_problem(before.residuals, before.jacobian, before.scale)
+    return Judged(
+        before=before,
+        ranking=ranking,
+        refitted=[
+            judge(name, fitted, before, linear, bootstraps=options.bootstraps, seed=problem.seed)
+            for name, fitted in ended.fits.items()
+        ],
+        criteria=promise.criteria(worth, options, refit_gain),
+        gains=promise.gains,
+    )
+
+
+def _decided(problem: DiagnosisProblem, survey: Survey, judged: Judged, progress: Callable[[str], None]) -> Search:
+    """The verdict on what was judged; what it would name is asked beside other twins first."""
+    before, ranking, refitted, thresholds = judged.before, judged.ranking, judged.refitted, problem.thresholds
+    linear = linear_problem(before.residuals, before.jacobian, before.scale)
     law = find_law(problem.observations, before.model, before.residuals, linear)
-    refitted = [
-        judge(name, fitted, before, linear, bootstraps=options.bootstraps, seed=problem.seed)
-        for name, fitted in ended.fits.items()
-    ]
     best = max((each.gain for each in refitted), default=0.0)
     if problem.validation and best >= NEARLY * thresholds.least_gain:
+        progress("ask the validation episodes")
         chosen_gain = thresholds.special_case_share * best
         rivals = [each for each in refitted if each.gain >= chosen_gain]
         rest = [each for each in refitted if each.gain < chosen_gain]
@@ -219,21 +246,34 @@ def _on_scale(
     if beside_named:
         refitted = [_predicting(each, before, problem) for each in refitted]
     surrogate_shares = {each.name: ranking.share_of_surrogates(each.gain) for each in refitted}
-    verdict = decide(
-        refitted,
-        surrogate_shares,
-        law.held_out_gain if ranking.share_of_surrogates(law.held_out_gain) <= thresholds.largest_p else 0.0,
-        len(problem.observations),
-        beside_named=beside_named,
-        residual_m=median_size(before.residuals),
-        free_residual_m=survey.fitted.scale if free else None,
-        thresholds=thresholds,
-    )
-    ranked = promise.criteria(worth, options, thresholds.refit_gain)
-    criteria = {**ranked, **verdict.criteria}
+
+    def decided() -> Verdict:
+        return decide(
+            refitted,
+            surrogate_shares,
+            law.held_out_gain if ranking.share_of_surrogates(law.held_out_gain) <= thresholds.largest_p else 0.0,
+            len(problem.observations),
+            beside_named=beside_named,
+            residual_m=median_size(before.residuals),
+            free_residual_m=survey.fitted.scale if problem.observations[0].free else None,
+            thresholds=thresholds,
+        )
+
+    verdict = decided()
+    others: list[OtherTwin] | None = None
+    while unasked := {each.name for each in verdict.named if each.gains_beside_others is None}:
+        progress(f"ask of {', '.join(sorted(unasked))} beside other twins")
+        if others is None:
+            others = other_twins(problem.observations, before, iterations=problem.options.refit_iterations)
+        asked = [each for each in refitted if each.name in unasked]
+        found = beside_other_twins(problem.observations, asked, others, iterations=problem.options.refit_iterations)
+        known = {each.name: each for each in found}
+        refitted = [known.get(each.name, each) for each in refitted]
+        verdict = decided()
+    criteria = {**judged.criteria, **verdict.criteria}
     if not verdict.named:
-        order = sorted(ranked.keys() - verdict.criteria.keys(), key=lambda name: -promise.gains[name])
-        misses = [miss for name in order if (miss := nearest_miss(name, ranked[name]))]
+        order = sorted(judged.criteria.keys() - verdict.criteria.keys(), key=lambda name: -judged.gains[name])
+        misses = [miss for name in order if (miss := nearest_miss(name, judged.criteria[name]))]
         verdict = replace(verdict, decision=verdict.decision.with_further_misses(misses))
     return Search(
         before=before,

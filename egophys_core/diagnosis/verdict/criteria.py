@@ -208,6 +208,16 @@ def predicts(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     return compare(name, what, share, Direction.BELOW, setting.thresholds.predicting_share, unit="1")
 
 
+def other_twins(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
+    """It gains beside twins of other graphs and grasps, too: what makes up for how one is made does not."""
+    name, what = "other_twins", "least share of its gain that it gains beside other graphs and grasps"
+    gains = candidate.gains_beside_others
+    if gains is None or not len(gains):
+        return not_asked(name, f"{what}: asked of what would be named, where there are others")
+    share = float(gains.min()) / candidate.gain
+    return compare(name, what, share, Direction.AT_LEAST, setting.thresholds.others_share, unit="1")
+
+
 def is_validated_in_full(candidate: RefittedEffect) -> bool:
     """Whether it gains as much in episodes that took no part in the fit as in those that did.
 
@@ -237,5 +247,6 @@ CRITERIA: tuple[Criterion, ...] = (
     same_size,
     every_episode,
     predicts,
+    other_twins,
 )
 """What passes all of these may be named."""

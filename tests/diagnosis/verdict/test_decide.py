@@ -40,6 +40,7 @@ THRESHOLDS = Thresholds(
     floor_m=0.002,
     left_share=0.7,
     structure_gain=70.0,
+    others_share=0.4,
 )
 """Of these tests: whatever those of the project are, the criteria have to work."""
 
@@ -217,6 +218,24 @@ def test_with_a_second_effect_free_rollouts_must_be_better(shares, outcome):
     verdict = decide([second], P, 0.0, 2, beside_named=True)
     assert verdict.outcome == outcome
     assert (failed(verdict, "control_delay") == ["predicts"]) == (outcome == Outcome.UNEXPLAINED)
+
+
+@pytest.mark.parametrize(
+    ("gains", "outcome"),
+    [
+        (None, Outcome.NAMED),
+        ([], Outcome.NAMED),
+        ([0.9 * CLEAR, 0.6 * CLEAR], Outcome.NAMED),
+        ([0.9 * CLEAR, 0.1 * CLEAR], Outcome.UNEXPLAINED),
+        ([-20.0, -5.0], Outcome.UNEXPLAINED),
+    ],
+    ids=["not asked", "one graph alone", "beside both", "beside one", "beside none"],
+)
+def test_what_helps_only_one_way_to_make_the_twin_is_not_named(gains, outcome):
+    candidate = judged("quadratic_drag", CLEAR, gains_beside_others=None if gains is None else np.array(gains))
+    verdict = decide([candidate], P, 0.0, 2)
+    assert verdict.outcome == outcome
+    assert failed(verdict, "quadratic_drag") == ([] if outcome == Outcome.NAMED else ["other_twins"])
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,104 @@
+"""Other twins of the object: an effect that it has helps these, too; one that makes up for how a twin is made does not.
+
+In a toy that lacks nothing an effect of its material gained 207 beside one graph and grasp, and -29 to 26 beside four
+others; added mass of another toy, a quarter of its own, 228, and 179 to 316 beside these (docs/notes/experiments.md).
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from egophys_core.cores import usable_cores
+from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, effect_parameters, with_effect
+from egophys_core.diagnosis.evidence.judging import RefittedEffect, gain_on_left_out_data
+from egophys_core.diagnosis.evidence.linear_problem import linear_problem
+from egophys_core.diagnosis.evidence.refit import Fitted, refit, refit_from, refit_further, robust_loss
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.effects import effect_named
+from egophys_core.kinds import kind_of
+from egophys_core.twin import ObjectModel
+
+OTHERS = 2
+"""Twins beside which an effect is asked for."""
+
+FIRST_STEPS = 3
+"""Steps by which every graph and grasp is refitted, before the best of them are refitted to the end: of a swung toy's
+five others that with the largest residuals at first ended with the least."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OtherTwin:
+    """A twin of the same object with another graph or grasp."""
+
+    plain: ObjectModel
+    """Before it was refitted: it has not bent to make up for what it lacks."""
+    fitted: Fitted
+
+
+def other_twins(observations: Sequence[TrackedEpisode], before: Fitted, *, iterations: int) -> list[OtherTwin]:
+    """The best twins of other graphs and grasps, refitted beside the same effects; none of an object with one graph.
+
+    Args:
+        before: the twin.
+        iterations: most steps of each refit.
+    """
+    models = [replace(each, effects=before.model.effects) for each in kind_of(before.model).variants(before.model)]
+    models = [each for each in models if _made(each) != _made(before.model)]
+    if not models:
+        return []
+    found = residuals(observations, models)
+    losses = [robust_loss([each[row] for each in found], before.scale) for row in range(len(models))]
+    best: dict[tuple[int, float], ObjectModel] = {}
+    for row in np.argsort(losses):
+        best.setdefault(_made(models[row]), models[row])
+
+    def tried(model: ObjectModel) -> OtherTwin:
+        parameters = baseline_parameters(model)
+        return OtherTwin(
+            plain=model,
+            fitted=refit(observations, model, parameters, iterations=FIRST_STEPS, scale=before.scale),
+        )
+
+    def to_the_end(other: OtherTwin) -> OtherTwin:
+        return replace(other, fitted=refit_further(observations, other.fitted, iterations=iterations))
+
+    with ThreadPoolExecutor(usable_cores()) as pool:
+        order = sorted(pool.map(tried, best.values()), key=lambda each: each.fitted.loss)
+        return list(pool.map(to_the_end, order[:OTHERS]))
+
+
+def beside_other_twins(
+    observations: Sequence[TrackedEpisode],
+    effects: Sequence[RefittedEffect],
+    others: Sequence[OtherTwin],
+    *,
+    iterations: int,
+) -> list[RefittedEffect]:
+    """Effects with what each gains beside each other twin."""
+    pairs = list(product(effects, others))
+    with ThreadPoolExecutor(usable_cores()) as pool:
+        gains = list(pool.map(lambda pair: _gain_beside(observations, *pair, iterations=iterations), pairs))
+    by_effect = np.array(gains, dtype=np.float64).reshape(len(effects), len(others))
+    return [replace(each, gains_beside_others=row) for each, row in zip(effects, by_effect, strict=True)]
+
+
+def _gain_beside(
+    observations: Sequence[TrackedEpisode], effect: RefittedEffect, other: OtherTwin, *, iterations: int
+) -> float:
+    """On left-out data; the other twin is refitted with the effect from where that ended, and without it from there."""
+    own, scale = other.fitted.parameters, other.fitted.scale
+    starts = [with_effect(model, effect.name, effect.values) for model in (other.fitted.model, other.plain)]
+    parameters = (*own, *effect_parameters(effect_named(effect.name)))
+    joint = refit_from(observations, starts, parameters, scale=scale, iterations=iterations)
+    bare = replace(joint.model, effects=joint.model.effects[:-1])
+    relieved = refit(observations, bare, own, iterations=iterations, scale=scale)
+    without = min(other.fitted, relieved, key=lambda each: each.loss)
+    return gain_on_left_out_data(joint, without, linear_problem(without.residuals, without.jacobian, scale))
+
+
+def _made(model: ObjectModel) -> tuple[int, float]:
+    """What tells graphs and grasps apart: how many springs there are, and how far a controller point reaches."""
+    return len(model.graph.springs), round(model.parameters.controller_radius, 5)

@@ -1,7 +1,7 @@
 """Other twins of the object: an effect that it has helps these, too; one that makes up for how a twin is made does not.
 
 In a toy that lacks nothing an effect of its material gained 207 beside one graph and grasp, and -29 to 26 beside four
-others; added mass of another toy, a quarter of its own, 228, and 179 to 316 beside these (docs/notes/experiments.md).
+others; added mass of another toy, a quarter of its own, 228, and 179 to 332 beside these (docs/notes/experiments.md).
 """
 
 from collections.abc import Sequence

@@ -7,7 +7,6 @@ others; added mass of another toy, a quarter of its own, 228, and 179 to 332 bes
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -71,18 +70,16 @@ def other_twins(observations: Sequence[TrackedEpisode], before: Fitted, *, itera
 
 
 def beside_other_twins(
-    observations: Sequence[TrackedEpisode],
-    effects: Sequence[RefittedEffect],
-    others: Sequence[OtherTwin],
-    *,
-    iterations: int,
-) -> list[RefittedEffect]:
-    """Effects with what each gains beside each other twin."""
-    pairs = list(product(effects, others))
+    observations: Sequence[TrackedEpisode], effect: RefittedEffect, others: Sequence[OtherTwin], *, iterations: int
+) -> RefittedEffect:
+    """An effect with what it gains beside each other twin.
+
+    Args:
+        iterations: most steps of each refit.
+    """
     with ThreadPoolExecutor(usable_cores()) as pool:
-        gains = list(pool.map(lambda pair: _gain_beside(observations, *pair, iterations=iterations), pairs))
-    by_effect = np.array(gains, dtype=np.float64).reshape(len(effects), len(others))
-    return [replace(each, gains_beside_others=row) for each, row in zip(effects, by_effect, strict=True)]
+        gains = pool.map(lambda other: _gain_beside(observations, effect, other, iterations=iterations), others)
+        return replace(effect, gains_beside_others=np.array(list(gains), dtype=np.float64))
 
 
 def _gain_beside(

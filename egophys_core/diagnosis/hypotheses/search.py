@@ -231,45 +231,37 @@ def _on_scale(
 
 
 def _decided(problem: DiagnosisProblem, survey: Survey, judged: Judged, progress: Callable[[str], None]) -> Search:
-    """The verdict on what was judged; what it would name is asked beside other twins first."""
-    before, ranking, refitted, thresholds = judged.before, judged.ranking, judged.refitted, problem.thresholds
+    """The verdict on what was judged; what it would name, or the best of that, is asked beside other twins first."""
+    before, ranking, thresholds = judged.before, judged.ranking, problem.thresholds
+    iterations = problem.options.refit_iterations
     linear = linear_problem(before.residuals, before.jacobian, before.scale)
     law = find_law(problem.observations, before.model, before.residuals, linear)
-    best = max((each.gain for each in refitted), default=0.0)
-    if problem.validation and best >= NEARLY * thresholds.least_gain:
-        progress("ask the validation episodes")
-        chosen_gain = thresholds.special_case_share * best
-        rivals = [each for each in refitted if each.gain >= chosen_gain]
-        rest = [each for each in refitted if each.gain < chosen_gain]
-        refitted = [*validated(rivals, before, problem.validation), *rest]
-    beside_named = bool(before.model.effects)
-    if beside_named:
-        refitted = [_predicting(each, before, problem) for each in refitted]
+    progress("ask validation episodes")
+    refitted = _tested_elsewhere(problem, judged)
     surrogate_shares = {each.name: ranking.share_of_surrogates(each.gain) for each in refitted}
 
-    def decided() -> Verdict:
+    def decided(candidates: Sequence[RefittedEffect]) -> Verdict:
         return decide(
-            refitted,
+            candidates,
             surrogate_shares,
             law.held_out_gain if ranking.share_of_surrogates(law.held_out_gain) <= thresholds.largest_p else 0.0,
             len(problem.observations),
-            beside_named=beside_named,
+            beside_named=bool(before.model.effects),
             residual_m=median_size(before.residuals),
             free_residual_m=survey.fitted.scale if problem.observations[0].free else None,
             thresholds=thresholds,
         )
 
-    verdict = decided()
-    others: list[OtherTwin] | None = None
-    while unasked := {each.name for each in verdict.named if each.gains_beside_others is None}:
-        progress(f"ask of {', '.join(sorted(unasked))} beside other twins")
+    verdict = decided(refitted)
+    others: Sequence[OtherTwin] | None = None
+    while verdict.named and verdict.named[0].gains_beside_others is None:
+        best = verdict.named[0]
+        progress(f"ask of {best.name} beside other twins")
         if others is None:
-            others = other_twins(problem.observations, before, iterations=problem.options.refit_iterations)
-        asked = [each for each in refitted if each.name in unasked]
-        found = beside_other_twins(problem.observations, asked, others, iterations=problem.options.refit_iterations)
-        known = {each.name: each for each in found}
-        refitted = [known.get(each.name, each) for each in refitted]
-        verdict = decided()
+            others = other_twins(problem.observations, before, iterations=iterations)
+        asked = beside_other_twins(problem.observations, best, others, iterations=iterations)
+        refitted = [asked if each.name == best.name else each for each in refitted]
+        verdict = decided(refitted)
     criteria = {**judged.criteria, **verdict.criteria}
     if not verdict.named:
         order = sorted(judged.criteria.keys() - verdict.criteria.keys(), key=lambda name: -judged.gains[name])
@@ -284,6 +276,20 @@ def _decided(problem: DiagnosisProblem, survey: Survey, judged: Judged, progress
         verdict=verdict,
         criteria=criteria,
     )
+
+
+def _tested_elsewhere(problem: DiagnosisProblem, judged: Judged) -> list[RefittedEffect]:
+    """The effects with what validation episodes and, beside a named one, free rollouts say of them."""
+    refitted, before, thresholds = judged.refitted, judged.before, problem.thresholds
+    best = max((each.gain for each in refitted), default=0.0)
+    if problem.validation and best >= NEARLY * thresholds.least_gain:
+        chosen_gain = thresholds.special_case_share * best
+        rivals = [each for each in refitted if each.gain >= chosen_gain]
+        rest = [each for each in refitted if each.gain < chosen_gain]
+        refitted = [*validated(rivals, before, problem.validation), *rest]
+    if before.model.effects:
+        refitted = [_predicting(each, before, problem) for each in refitted]
+    return refitted
 
 
 def _predicting(candidate: RefittedEffect, before: Fitted, problem: DiagnosisProblem) -> RefittedEffect:

@@ -39,7 +39,7 @@ def special_case_predicts_less(
     """No special case of it, with a fair share of its gain, predicts more of the validation episodes.
 
     Args:
-        supported: the candidates that validation episodes do not speak against.
+        supported: the candidates that neither validation episodes nor other twins speak against.
     """
     name = "special_case_predicts_less"
     special = [
@@ -66,7 +66,7 @@ def rivals_the_best(candidate: RefittedEffect, best: RefittedEffect, thresholds:
 
 
 def told_apart(best: RefittedEffect, near: Sequence[RefittedEffect], thresholds: Thresholds) -> CriterionResult:
-    """Nothing that validation episodes do not speak against explains about as much as the best candidate.
+    """No other candidate that is borne out, `SUPPORT`, explains about as much as the best one.
 
     Args:
         near: the candidates that do.

@@ -26,7 +26,7 @@ class Setting:
     free_residual_m: float | None
     """Metres that free rollouts leave without an effect; None where observers follow the episodes."""
     others: Sequence[RefittedEffect] = ()
-    """Candidates that validation episodes do not speak against."""
+    """Candidates that neither validation episodes nor other twins speak against, `SUPPORT`."""
 
 
 Criterion = Callable[[RefittedEffect, Setting], CriterionResult]
@@ -234,6 +234,10 @@ def is_refuted(candidate: RefittedEffect, thresholds: Thresholds) -> bool:
 
 SCREENS: tuple[Criterion, ...] = (explains_free_rollouts, not_only_deflection)
 """What fails one of these is no candidate: it counts for nothing, not even against others."""
+
+SUPPORT: tuple[Criterion, ...] = (validation, other_twins)
+"""What fails one of these is not borne out by what it was not fitted to: it is neither a rival of others nor a sign of
+structure."""
 
 CRITERIA: tuple[Criterion, ...] = (
     held_out_gain,

@@ -20,7 +20,7 @@ from egophys_core.diagnosis.verdict.comparison import (
     special_case_predicts_less,
     told_apart,
 )
-from egophys_core.diagnosis.verdict.criteria import CRITERIA, SCREENS, Setting, validation
+from egophys_core.diagnosis.verdict.criteria import CRITERIA, SCREENS, SUPPORT, Setting
 from egophys_core.diagnosis.verdict.penalised_gain import nested, penalised_gain
 from egophys_core.diagnosis.verdict.rules import Situation, Standing, first_ruling
 from egophys_core.diagnosis.verdict.thresholds import Thresholds
@@ -76,7 +76,7 @@ def decide(
         key=lambda each: penalised_gain(each, thresholds),
         reverse=True,
     )
-    supported = [each for each in ordered if validation(each, alone).passed]
+    supported = [each for each in ordered if all(test(each, alone).passed for test in SUPPORT)]
     setting = replace(alone, others=supported)
     criteria = {
         each.name: (*screened[each.name], *(criterion(each, setting) for criterion in CRITERIA)) for each in candidates
@@ -135,7 +135,7 @@ def _compared(
 
     Args:
         ordered: all candidates, by falling penalised gain.
-        supported: those of them that validation episodes do not speak against.
+        supported: those of them that what they were not fitted to does not speak against.
     """
     thresholds = setting.thresholds
     passing = [each for each in ordered if _passes(criteria[each.name])]

@@ -41,7 +41,7 @@ class Situation:
     ordered: Sequence[RefittedEffect]
     """The candidates, by falling penalised gain."""
     supported: Sequence[RefittedEffect]
-    """Those of them that validation episodes do not speak against."""
+    """Those of them that neither validation episodes nor other twins speak against."""
     standing: Standing
     nearest_misses: tuple[NearestMiss, ...]
     law_gain: float

@@ -54,7 +54,7 @@ def test_what_the_object_feels_gains_beside_each_and_what_it_does_not_feel_does_
     observations, _, others = in_wind
     felt = effect(WIND.name, WIND.values)
     unfelt = effect("control_delay", {"delay": 0.02})
-    felt, unfelt = beside_other_twins(observations, [felt, unfelt], others, iterations=2)
+    felt, unfelt = (beside_other_twins(observations, each, others, iterations=2) for each in (felt, unfelt))
     assert felt.gains_beside_others.shape == unfelt.gains_beside_others.shape == (2,)
     assert felt.gains_beside_others.min() > 50.0
     assert unfelt.gains_beside_others.max() < 0.3 * felt.gains_beside_others.min()
@@ -67,5 +67,5 @@ def test_of_a_cable_there_is_one_graph_alone():
     observations = [observe_markers(twin_of(body, cable), moved)]
     before = refit(observations, cable, (), iterations=0)
     assert other_twins(observations, before, iterations=1) == []
-    (asked,) = beside_other_twins(observations, [judged("quadratic_drag", 100.0)], [], iterations=1)
+    asked = beside_other_twins(observations, judged("quadratic_drag", 100.0), [], iterations=1)
     assert np.array_equal(asked.gains_beside_others, np.zeros(0))

@@ -226,16 +226,24 @@ def test_with_a_second_effect_free_rollouts_must_be_better(shares, outcome):
         (None, Outcome.NAMED),
         ([], Outcome.NAMED),
         ([0.9 * CLEAR, 0.6 * CLEAR], Outcome.NAMED),
-        ([0.9 * CLEAR, 0.1 * CLEAR], Outcome.UNEXPLAINED),
-        ([-20.0, -5.0], Outcome.UNEXPLAINED),
+        ([0.9 * CLEAR, 0.1 * CLEAR], Outcome.NONE),
+        ([-20.0, -5.0], Outcome.NONE),
     ],
     ids=["not asked", "one graph alone", "beside both", "beside one", "beside none"],
 )
-def test_what_helps_only_one_way_to_make_the_twin_is_not_named(gains, outcome):
+def test_what_helps_only_one_way_to_make_the_twin_is_neither_named_nor_structure(gains, outcome):
     candidate = judged("quadratic_drag", CLEAR, gains_beside_others=None if gains is None else np.array(gains))
     verdict = decide([candidate], P, 0.0, 2)
     assert verdict.outcome == outcome
     assert failed(verdict, "quadratic_drag") == ([] if outcome == Outcome.NAMED else ["other_twins"])
+
+
+@pytest.mark.parametrize(("share", "outcome"), [(0.9, Outcome.AMBIGUOUS), (0.1, Outcome.NAMED)])
+def test_what_helps_only_one_way_to_make_the_twin_is_no_rival(share, outcome):
+    rival = judged("quadratic_drag", 1.1 * CLEAR, gains_beside_others=np.full(2, share * CLEAR))
+    verdict = decide([judged("control_delay", CLEAR), rival], P, 0.0, 2)
+    assert verdict.outcome == outcome
+    assert verdict.named[-1].name == "control_delay"
 
 
 @pytest.mark.parametrize(

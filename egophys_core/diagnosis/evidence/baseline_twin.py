@@ -11,7 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
-from egophys_core.diagnosis.evidence.refit import Fitted, refit, refit_from, refit_further, residual_scale, robust_loss
+from egophys_core.diagnosis.evidence.refit import (
+    Fitted,
+    losses_of,
+    refit,
+    refit_from,
+    refit_further,
+    residual_scale,
+    robust_loss,
+)
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.kinds import kind_of
 from egophys_core.twin import ObjectModel
@@ -99,8 +107,7 @@ def baseline_beside(
 
     without = baseline.fitted
     starts = [beside(model) for model in (without.model, *baseline.others)]
-    found = residuals(observations, starts)
-    order = np.argsort([robust_loss([each[row] for each in found], without.scale) for row in range(len(starts))])
+    order = np.argsort(losses_of(observations, starts, without.scale))
     best = refit_from(
         observations, [starts[row] for row in order], without.parameters, scale=without.scale, iterations=iterations
     )

@@ -14,8 +14,8 @@ from egophys_core.cores import usable_cores
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, effect_parameters, with_effect
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, gain_on_left_out_data
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
-from egophys_core.diagnosis.evidence.refit import Fitted, refit, refit_from, refit_further, robust_loss
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.refit import Fitted, losses_of, refit, refit_from, refit_further
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.effects import effect_named
 from egophys_core.kinds import kind_of
 from egophys_core.twin import ObjectModel
@@ -48,10 +48,8 @@ def other_twins(observations: Sequence[TrackedEpisode], before: Fitted, *, itera
     models = [each for each in models if _made(each) != _made(before.model)]
     if not models:
         return []
-    found = residuals(observations, models)
-    losses = [robust_loss([each[row] for each in found], before.scale) for row in range(len(models))]
     best: dict[tuple[int, float], ObjectModel] = {}
-    for row in np.argsort(losses):
+    for row in np.argsort(losses_of(observations, models, before.scale)):
         best.setdefault(_made(models[row]), models[row])
 
     def tried(model: ObjectModel) -> OtherTwin:

@@ -68,6 +68,12 @@ def robust_loss(found: Sequence[np.ndarray], scale: float) -> float:
     return float(sum(cell_losses(each, scale).sum() for each in found))
 
 
+def losses_of(observations: Sequence[TrackedEpisode], models: Sequence[ObjectModel], scale: float) -> np.ndarray:
+    """[K] loss of each model, simulated together."""
+    found = residuals(observations, models)
+    return np.array([robust_loss([each[row] for each in found], scale) for row in range(len(models))])
+
+
 def median_size(found: Sequence[np.ndarray]) -> float:
     """Metres, of a residual's component."""
     return float(np.median(np.concatenate([np.abs(each[np.isfinite(each)]) for each in found])))

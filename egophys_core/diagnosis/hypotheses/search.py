@@ -57,12 +57,10 @@ class Judged:
 
     before: Fitted
     """Without any of them."""
-    ranking: Ranking
+    promise: "Promise"
     refitted: list[RefittedEffect]
     criteria: Criteria
     """What kept each effect from a refit, or would have."""
-    gains: Mapping[str, float]
-    """What each promised."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,23 +218,22 @@ def _on_scale(
     linear = linear_problem(before.residuals, before.jacobian, before.scale)
     return Judged(
         before=before,
-        ranking=ranking,
+        promise=promise,
         refitted=[
             judge(name, fitted, before, linear, bootstraps=options.bootstraps, seed=problem.seed)
             for name, fitted in ended.fits.items()
         ],
         criteria=promise.criteria(worth, options, refit_gain),
-        gains=promise.gains,
     )
 
 
 def _decided(problem: DiagnosisProblem, survey: Survey, judged: Judged, progress: Callable[[str], None]) -> Search:
     """The verdict on what was judged; what it would name, or the best of that, is asked beside other twins first."""
-    before, ranking, thresholds = judged.before, judged.ranking, problem.thresholds
+    before, ranking, thresholds = judged.before, judged.promise.ranking, problem.thresholds
     iterations = problem.options.refit_iterations
     linear = linear_problem(before.residuals, before.jacobian, before.scale)
     law = find_law(problem.observations, before.model, before.residuals, linear)
-    progress("ask validation episodes")
+    progress("decide")
     refitted = _tested_elsewhere(problem, judged)
     surrogate_shares = {each.name: ranking.share_of_surrogates(each.gain) for each in refitted}
 
@@ -264,7 +261,7 @@ def _decided(problem: DiagnosisProblem, survey: Survey, judged: Judged, progress
         verdict = decided(refitted)
     criteria = {**judged.criteria, **verdict.criteria}
     if not verdict.named:
-        order = sorted(judged.criteria.keys() - verdict.criteria.keys(), key=lambda name: -judged.gains[name])
+        order = sorted(judged.criteria.keys() - verdict.criteria.keys(), key=lambda name: -judged.promise.gains[name])
         misses = [miss for name in order if (miss := nearest_miss(name, judged.criteria[name]))]
         verdict = replace(verdict, decision=verdict.decision.with_further_misses(misses))
     return Search(

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import at_share, with_effect, with_values
-from egophys_core.diagnosis.evidence.refit import Fitted, robust_loss
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.refit import Fitted, losses_of
+from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.hypotheses.large_amplitude import there_and_beyond
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.twin import ObjectModel
@@ -89,7 +89,6 @@ def _best_of_each(
     """The model of least loss of each path, the best first."""
     path = np.repeat(np.arange(len(paths)), [len(each) for each in paths])
     models = [model for each in paths for model in each]
-    found = residuals(observations, models)
-    order = np.argsort([robust_loss([each[row] for each in found], scale) for row in range(len(models))])
+    order = np.argsort(losses_of(observations, models, scale))
     _, firsts = np.unique(path[order], return_index=True)
     return [models[order[first]] for first in sorted(firsts)]

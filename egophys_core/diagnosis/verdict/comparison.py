@@ -66,7 +66,7 @@ def rivals_the_best(candidate: RefittedEffect, best: RefittedEffect, thresholds:
 
 
 def told_apart(best: RefittedEffect, near: Sequence[RefittedEffect], thresholds: Thresholds) -> CriterionResult:
-    """No other candidate that is borne out, `SUPPORT`, explains about as much as the best one.
+    """No other supported candidate explains about as much as the best one.
 
     Args:
         near: the candidates that do.

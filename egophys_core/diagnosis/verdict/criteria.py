@@ -236,7 +236,7 @@ SCREENS: tuple[Criterion, ...] = (explains_free_rollouts, not_only_deflection)
 """What fails one of these is no candidate: it counts for nothing, not even against others."""
 
 SUPPORT: tuple[Criterion, ...] = (validation, other_twins)
-"""What fails one of these is not borne out by what it was not fitted to: it is neither a rival of others nor a sign of
+"""What passes these is supported by what it was not fitted to; what does not is no rival of others, and no sign of
 structure."""
 
 CRITERIA: tuple[Criterion, ...] = (

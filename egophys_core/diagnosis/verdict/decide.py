@@ -135,7 +135,7 @@ def _compared(
 
     Args:
         ordered: all candidates, by falling penalised gain.
-        supported: those of them that what they were not fitted to does not speak against.
+        supported: those of them that pass `SUPPORT`.
     """
     thresholds = setting.thresholds
     passing = [each for each in ordered if _passes(criteria[each.name])]

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -89,7 +90,7 @@ def _mismatch(
     1.4, moved along slopes alone 2.8 (docs/notes/experiments.md). Of a cable there is one graph alone: it misses as
     little as can be.
     """
-    others = kind_of(model).variants(model)
+    others = list(chain.from_iterable(kind_of(model).variants(model)))
     if not refitted:
         others = evenly_chosen(others, VARIANTS)
     if not others:

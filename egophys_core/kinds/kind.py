@@ -251,6 +251,11 @@ def no_models(model: ObjectModel) -> list[ObjectModel]:
     return []
 
 
+def no_variants(model: ObjectModel) -> list[list[ObjectModel]]:
+    """No graph but that of the model."""
+    return []
+
+
 @dataclass(frozen=True, kw_only=True)
 class Kind:
     """One kind of object."""
@@ -285,5 +290,6 @@ class Kind:
     """What effects need that it has not, and so tells nothing of them."""
     otherwise_at_rest: Callable[[ObjectModel], list[ObjectModel]] = no_models
     """The model as it may be better known than as it was fitted, to be tried beside it."""
-    variants: Callable[[ObjectModel], list[ObjectModel]] = no_models
-    """The object with graphs and grasps of other sizes, and plain parameters, to be tried beside it."""
+    variants: Callable[[ObjectModel], list[list[ObjectModel]]] = no_variants
+    """The object with graphs and grasps of other sizes, to be tried beside it: per graph and grasp some models of plain
+    parameters."""

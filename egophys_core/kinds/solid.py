@@ -109,6 +109,8 @@ KIND = Kind(
     cannot_tell=frozenset({Need.THIN}),
     fitted=fitted_parameters,
     otherwise_at_rest=lambda model: [carrying_itself(model)],
-    variants=lambda model: [carrying_itself(each) for each in spring_variants(model, SIZES)],
+    variants=lambda model: [
+        [carrying_itself(each) for each in made_alike] for made_alike in spring_variants(model, SIZES)
+    ],
     faces=lambda graph: faces_of_body(graph.positions),
 )

@@ -179,15 +179,15 @@ class VariantSizes:
     """Whether it has bending springs."""
 
 
-def spring_variants(model: ObjectModel, sizes: VariantSizes) -> list[ObjectModel]:
-    """The object with graphs and grasps of other sizes, and plain parameters."""
+def spring_variants(model: ObjectModel, sizes: VariantSizes) -> list[list[ObjectModel]]:
+    """The object with graphs and grasps of other sizes, and for each of these some plain parameters."""
     graph, parameters = model.graph, model.parameters
     surface = graph.positions[graph.surface].astype(np.float64)
     spacing = float(np.median(cKDTree(surface).query(surface, k=min(5, len(surface)))[0][:, -1]))
     shape = RestShape(positions=graph.positions, surface=graph.surface, kind=model.kind, spacing=spacing)
     node_mass = parameters.total_mass / len(graph.positions)
-    found = []
-    for softer, bending, radius, grasp in product(SOFTER, sizes.bending_ratios, sizes.object_radii, GRASP_RADII):
+
+    def variant(other: SpringGraph, radius: float, grasp: float, softer: float, bending: float) -> ObjectModel:
         # Springs share the load: more of them, each softer.
         stiffness = softer * sizes.stiffness_rate * node_mass * (2.0 / radius) ** 2
         plain = replace(
@@ -205,10 +205,18 @@ def spring_variants(model: ObjectModel, sizes: VariantSizes) -> list[ObjectModel
             controller_neighbours=GRASP_NEIGHBOURS,
             collision_distance=0.6 * spacing if sizes.collides else 0.0,
         )
-        other = spring_graph(shape, radius=radius * spacing, max_neighbours=NEIGHBOURS, bends=sizes.bends)
-        found.append(
-            replace(
-                model, graph=other, parameters=plain, stiffness=per_kind(other, plain.stiffness, plain.bending_ratio)
-            )
+        return replace(
+            model, graph=other, parameters=plain, stiffness=per_kind(other, plain.stiffness, plain.bending_ratio)
         )
+
+    found = []
+    for radius in sizes.object_radii:
+        other = spring_graph(shape, radius=radius * spacing, max_neighbours=NEIGHBOURS, bends=sizes.bends)
+        found += [
+            [
+                variant(other, radius, grasp, softer, bending)
+                for softer, bending in product(SOFTER, sizes.bending_ratios)
+            ]
+            for grasp in GRASP_RADII
+        ]
     return found

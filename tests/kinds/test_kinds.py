@@ -3,6 +3,7 @@
 import re
 from collections import Counter
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -69,10 +70,15 @@ def test_fitted_parameters_lie_within_their_bounds_and_are_named_once(name):
 def test_variants_are_of_the_same_nodes_and_kind(name):
     model = MODELS[name]()
     kind = kind_of(model)
-    for each in (*kind.variants(model), *kind.otherwise_at_rest(model)):
+    for each in (*chain.from_iterable(kind.variants(model)), *kind.otherwise_at_rest(model)):
         assert kind_of(each) is kind
         assert np.array_equal(each.graph.positions, model.graph.positions)
     assert bool(kind.variants(model)) == (kind.from_surface is not None)
+    made = [
+        {(len(each.graph.springs), each.parameters.controller_radius) for each in one} for one in kind.variants(model)
+    ]
+    assert all(len(each) == 1 for each in made)
+    assert len(set().union(*made)) == len(made)
 
 
 @pytest.mark.parametrize(("given", "hint"), [("shet", "did you mean sheet?"), ("liquid", "there are sheet, solid")])

@@ -2,17 +2,19 @@
 
 What a twin lacks shows only where it is otherwise right. A fit of free rollouts weighs the last, chaotic centimetres
 of a fold; observers ask for graph and grasp that get the forces right. So graphs and grasps of a few sizes are tried
-beside the twin's own, and the best is refitted.
+beside the twin's own, each from the best of its plain parameters, and the best is refitted.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.diagnosis.evidence.refit import (
     Fitted,
+    best_of_each,
     losses_of,
     refit,
     refit_from,
@@ -21,6 +23,7 @@ from egophys_core.diagnosis.evidence.refit import (
     robust_loss,
 )
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.effects import TwinEffect
 from egophys_core.kinds import kind_of
 from egophys_core.twin import ObjectModel
 
@@ -34,13 +37,40 @@ LOST = 5.0
 elsewhere than its twin (13.7 mm; 1.3, 1.1 and 0.7 in what was fitted), and could support nothing any more."""
 
 
+RUNNERS_UP = 2
+"""Of the graphs and grasps that were not chosen so many, the best, are starts of refits with an effect."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TriedTwin:
+    """A twin with one of the graphs and grasps that were tried."""
+
+    plain: ObjectModel
+    """Before it was refitted: it has not bent to make up for what it lacks."""
+    refitted: ObjectModel
+    """By a few steps, or some more where it looked well."""
+
+    def carrying(self, effects: tuple[TwinEffect, ...]) -> Self:
+        """The twin with these effects and no others."""
+        return replace(
+            self, plain=replace(self.plain, effects=effects), refitted=replace(self.refitted, effects=effects)
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class BaselineTwin:
     """The twin without an effect."""
 
     fitted: Fitted
-    others: list[ObjectModel]
-    """What it was chosen from. A twin bends to make up for an effect that it lacks; these did not, or otherwise."""
+    own: list[ObjectModel]
+    """The twin as it was built, and as it may be better known."""
+    tried: list[TriedTwin]
+    """What it was chosen from, the best first; one of each graph and grasp."""
+
+    @property
+    def others(self) -> list[ObjectModel]:
+        """Twins that did not bend to make up for an effect that they lack, or otherwise."""
+        return [*self.own, *(each.refitted for each in self.tried[1 : 1 + RUNNERS_UP])]
 
 
 def fit_baseline(
@@ -49,29 +79,38 @@ def fit_baseline(
     """The best of the twin and its variants, refitted; all begin some steps before the best is chosen.
 
     Args:
-        starts: so many, those with the least residuals, are refitted.
+        starts: so many graphs and grasps, those with the least residuals, are refitted.
         iterations: most steps of the last refit, that of the best.
     """
     kind = kind_of(model)
     own = [model, *kind.otherwise_at_rest(model)]
-    models = [*own, *kind.variants(model)]
+    made_alike = [own, *kind.variants(model)]
+    models = [each for group in made_alike for each in group]
     found = residuals(observations, models)
     scale = residual_scale(observations, [each[0] for each in found])
-    losses = [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
-    order = np.argsort(losses)
-    scale = residual_scale(observations, [each[order[0]] for each in found])
+    losses = np.array([robust_loss([each[row] for each in found], scale) for row in range(len(models))])
+    scale = residual_scale(observations, [each[np.argmin(losses)] for each in found])
+    plain = best_of_each(made_alike, losses)[:starts]
     fits = [
-        refit(observations, models[row], baseline_parameters(models[row]), iterations=FIRST_STEPS, scale=scale)
-        for row in order[:starts]
+        (each, refit(observations, each, baseline_parameters(each), iterations=FIRST_STEPS, scale=scale))
+        for each in plain
     ]
-    fits.sort(key=lambda each: each.loss)
-    while len(fits) // 2 > 1:
-        fits = [refit_further(observations, each, iterations=LATER_STEPS) for each in fits[: len(fits) // 2]]
-        fits.sort(key=lambda each: each.loss)
-    best, *runners_up = fits
+    fits.sort(key=_loss)
+    left = len(fits)
+    while (left := left // 2) > 1:
+        further = [(each, refit_further(observations, fit, iterations=LATER_STEPS)) for each, fit in fits[:left]]
+        fits = [*sorted(further, key=_loss), *fits[left:]]
+    best = fits[0][1]
     best = replace(best, scale=min(scale, residual_scale(observations, best.residuals)))
-    fitted = refit_further(observations, best, iterations=iterations)
-    return BaselineTwin(fitted=fitted, others=[*own, *(each.model for each in runners_up)])
+    return BaselineTwin(
+        fitted=refit_further(observations, best, iterations=iterations),
+        own=own,
+        tried=[TriedTwin(plain=each, refitted=fit.model) for each, fit in fits],
+    )
+
+
+def _loss(tried: tuple[ObjectModel, Fitted]) -> float:
+    return tried[1].loss
 
 
 def follows(fitted: Fitted, observations: Sequence[TrackedEpisode]) -> list[bool]:
@@ -116,4 +155,9 @@ def baseline_beside(
     # What they explain is gone from the residuals: what remains is judged on its own scale.
     best = replace(best, scale=min(best.scale, residual_scale(observations, best.residuals)))
     fitted = refit_further(observations, best, iterations=iterations)
-    return BaselineTwin(fitted=fitted, others=starts[1:]), min(without, relieved, key=lambda each: each.loss)
+    found = BaselineTwin(
+        fitted=fitted,
+        own=[beside(each) for each in baseline.own],
+        tried=[each.carrying(fitted.model.effects) for each in baseline.tried],
+    )
+    return found, min(without, relieved, key=lambda each: each.loss)

@@ -11,21 +11,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.cores import usable_cores
+from egophys_core.diagnosis.evidence.baseline_twin import TriedTwin
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, effect_parameters, with_effect
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, gain_on_left_out_data
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
-from egophys_core.diagnosis.evidence.refit import Fitted, losses_of, refit, refit_from, refit_further
+from egophys_core.diagnosis.evidence.refit import Fitted, losses_of, refit, refit_from
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.effects import effect_named
-from egophys_core.kinds import kind_of
 from egophys_core.twin import ObjectModel
 
 OTHERS = 2
 """Twins beside which an effect is asked for."""
-
-FIRST_STEPS = 3
-"""Steps by which every graph and grasp is refitted, before the best of them are refitted to the end: of a swung toy's
-five others that with the largest residuals at first ended with the least."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,34 +33,29 @@ class OtherTwin:
     fitted: Fitted
 
 
-def other_twins(observations: Sequence[TrackedEpisode], before: Fitted, *, iterations: int) -> list[OtherTwin]:
+def other_twins(
+    observations: Sequence[TrackedEpisode], before: Fitted, tried: Sequence[TriedTwin], *, iterations: int
+) -> list[OtherTwin]:
     """The best twins of other graphs and grasps, refitted beside the same effects; none of an object with one graph.
 
     Args:
         before: the twin.
+        tried: what it was chosen from: others begin there.
         iterations: most steps of each refit.
     """
-    models = [replace(each, effects=before.model.effects) for each in kind_of(before.model).variants(before.model)]
-    models = [each for each in models if _made(each) != _made(before.model)]
-    if not models:
+    otherwise = [each.carrying(before.model.effects) for each in tried if not _made_alike(each.plain, before.model)]
+    if not otherwise:
         return []
-    best: dict[tuple[int, float], ObjectModel] = {}
-    for row in np.argsort(losses_of(observations, models, before.scale)):
-        best.setdefault(_made(models[row]), models[row])
+    losses = losses_of(observations, [each.refitted for each in otherwise], before.scale)
 
-    def tried(model: ObjectModel) -> OtherTwin:
-        parameters = baseline_parameters(model)
-        return OtherTwin(
-            plain=model,
-            fitted=refit(observations, model, parameters, iterations=FIRST_STEPS, scale=before.scale),
-        )
-
-    def to_the_end(other: OtherTwin) -> OtherTwin:
-        return replace(other, fitted=refit_further(observations, other.fitted, iterations=iterations))
+    def to_the_end(row: int) -> OtherTwin:
+        start = otherwise[row].refitted
+        parameters = baseline_parameters(start)
+        fitted = refit(observations, start, parameters, iterations=iterations, scale=before.scale)
+        return OtherTwin(plain=otherwise[row].plain, fitted=fitted)
 
     with ThreadPoolExecutor(usable_cores()) as pool:
-        order = sorted(pool.map(tried, best.values()), key=lambda each: each.fitted.loss)
-        return list(pool.map(to_the_end, order[:OTHERS]))
+        return list(pool.map(to_the_end, np.argsort(losses)[:OTHERS]))
 
 
 def beside_other_twins(
@@ -94,6 +85,7 @@ def _gain_beside(
     return gain_on_left_out_data(joint, without, linear_problem(without.residuals, without.jacobian, scale))
 
 
-def _made(model: ObjectModel) -> tuple[int, float]:
-    """What tells graphs and grasps apart: how many springs there are, and how far a controller point reaches."""
-    return len(model.graph.springs), round(model.parameters.controller_radius, 5)
+def _made_alike(one: ObjectModel, other: ObjectModel) -> bool:
+    """Whether two twins have the same graph and grasp."""
+    radii = one.parameters.controller_radius, other.parameters.controller_radius
+    return radii[0] == radii[1] and np.array_equal(one.graph.springs, other.graph.springs)

@@ -74,6 +74,19 @@ def losses_of(observations: Sequence[TrackedEpisode], models: Sequence[ObjectMod
     return np.array([robust_loss([each[row] for each in found], scale) for row in range(len(models))])
 
 
+def best_of_each(groups: Sequence[Sequence[ObjectModel]], losses: np.ndarray) -> list[ObjectModel]:
+    """The model of least loss of each group, the best first.
+
+    Args:
+        losses: [K] of the models of one group after the other.
+    """
+    models = [model for group in groups for model in group]
+    group = np.repeat(np.arange(len(groups)), [len(each) for each in groups])
+    order = np.argsort(losses)
+    _, firsts = np.unique(group[order], return_index=True)
+    return [models[order[first]] for first in sorted(firsts)]
+
+
 def median_size(found: Sequence[np.ndarray]) -> float:
     """Metres, of a residual's component."""
     return float(np.median(np.concatenate([np.abs(each[np.isfinite(each)]) for each in found])))

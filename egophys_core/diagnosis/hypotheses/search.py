@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare
+from egophys_core.diagnosis.evidence.baseline_twin import TriedTwin
 from egophys_core.diagnosis.evidence.generic_law import Law, find_law
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, judge, validated
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
@@ -124,6 +125,7 @@ def search(
     without: Collection[str],
     progress: Progress,
     *,
+    tried: Sequence[TriedTwin],
     others: Sequence[ObjectModel] = (),
 ) -> Search:
     """Probe, rank, refit the shortlist and decide.
@@ -134,6 +136,7 @@ def search(
     Args:
         before: the twin refitted without any further effect.
         without: names of effects that are left out.
+        tried: other graphs and grasps of the twin: what is named has to help these, too.
         others: twins without the effect at which refits may start as well.
     """
     survey = _survey(problem, before, without, lambda share: progress("probe the effects", 0.3 * share))
@@ -149,7 +152,7 @@ def search(
         found = _on_scale(
             problem, survey, before, others, lambda stage, share: progress(stage, 0.6 + 0.3 * share), earlier=earlier
         )
-    return _decided(problem, survey, found, lambda stage: progress(stage, 0.9))
+    return _decided(problem, survey, found, tried, lambda stage: progress(stage, 0.9))
 
 
 def _survey(
@@ -227,7 +230,13 @@ def _on_scale(
     )
 
 
-def _decided(problem: DiagnosisProblem, survey: Survey, judged: Judged, progress: Callable[[str], None]) -> Search:
+def _decided(
+    problem: DiagnosisProblem,
+    survey: Survey,
+    judged: Judged,
+    tried: Sequence[TriedTwin],
+    progress: Callable[[str], None],
+) -> Search:
     """The verdict on what was judged; what it would name, or the best of that, is asked beside other twins first."""
     before, ranking, thresholds = judged.before, judged.promise.ranking, problem.thresholds
     iterations = problem.options.refit_iterations
@@ -255,7 +264,7 @@ def _decided(problem: DiagnosisProblem, survey: Survey, judged: Judged, progress
         best = verdict.named[0]
         progress(f"ask of {best.name} beside other twins")
         if others is None:
-            others = other_twins(problem.observations, before, iterations=iterations)
+            others = other_twins(problem.observations, before, tried, iterations=iterations)
         asked = beside_other_twins(problem.observations, best, others, iterations=iterations)
         refitted = [asked if each.name == best.name else each for each in refitted]
         verdict = decided(refitted)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import at_share, with_effect, with_values
-from egophys_core.diagnosis.evidence.refit import Fitted, losses_of
+from egophys_core.diagnosis.evidence.refit import Fitted, best_of_each, losses_of
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.hypotheses.large_amplitude import there_and_beyond
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
@@ -87,8 +87,4 @@ def _best_of_each(
     observations: Sequence[TrackedEpisode], paths: Sequence[Sequence[ObjectModel]], scale: float
 ) -> list[ObjectModel]:
     """The model of least loss of each path, the best first."""
-    path = np.repeat(np.arange(len(paths)), [len(each) for each in paths])
-    models = [model for each in paths for model in each]
-    order = np.argsort(losses_of(observations, models, scale))
-    _, firsts = np.unique(path[order], return_index=True)
-    return [models[order[first]] for first in sorted(firsts)]
+    return best_of_each(paths, losses_of(observations, [model for path in paths for model in path], scale))

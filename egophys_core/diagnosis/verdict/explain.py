@@ -59,7 +59,8 @@ def explain(
         def report(stage: str, share: float, done: int = index) -> None:
             progress(stage, (done + share) / rounds)
 
-        found = search(problem, fitted, {*known, *(each.name for each in named)}, report, others=others)
+        without_these = {*known, *(each.name for each in named)}
+        found = search(problem, fitted, without_these, report, tried=baseline.tried, others=others)
         searches.append(found)
         decisions.append(replace(found.verdict.decision, beside=tuple(each.name for each in named)))
         if found.verdict.outcome != Outcome.NAMED:

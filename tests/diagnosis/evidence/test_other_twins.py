@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from egophys_core.diagnosis.diagnosis import Estimate
-from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters
+from egophys_core.diagnosis.evidence.baseline_twin import TriedTwin, fit_baseline
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.evidence.other_twins import beside_other_twins, other_twins
 from egophys_core.diagnosis.evidence.refit import refit
@@ -35,9 +35,10 @@ DRAG = TwinEffect(name="quadratic_drag", values={"coefficient": 0.1})
 def in_wind():
     """Two motions in a wind, the twin without it, and other twins of the sheet."""
     observations = [observe(sheet(), each) for each in episodes(WIND)]
-    twin = replace(sheet(), effects=(DRAG,))
-    before = refit(observations, twin, baseline_parameters(twin), iterations=2)
-    return observations, before, other_twins(observations, before, iterations=1)
+    baseline = fit_baseline(observations, sheet(), starts=3, iterations=2)
+    twin = replace(baseline.fitted.model, effects=(DRAG,))
+    before = refit(observations, twin, baseline.fitted.parameters, iterations=1)
+    return observations, before, other_twins(observations, before, baseline.tried, iterations=1)
 
 
 def test_they_are_made_otherwise(in_wind):
@@ -71,6 +72,6 @@ def test_of_a_cable_there_is_one_graph_alone():
     cable = rod_model(body, density=1000.0, rigidity=0.02, retardation_time=0.015, drag=1.0)
     observations = [observe_markers(twin_of(body, cable), moved)]
     before = refit(observations, cable, (), iterations=0)
-    assert other_twins(observations, before, iterations=1) == []
+    assert other_twins(observations, before, [TriedTwin(plain=cable, refitted=cable)], iterations=1) == []
     asked = beside_other_twins(observations, judged("quadratic_drag", 100.0), [], iterations=1)
     assert np.array_equal(asked.gains_beside_others, np.zeros(0))

@@ -66,7 +66,10 @@ def test_the_outcome_is_of_all_that_was_found(
 ):
     asked, needed = [], []
 
-    def search(problem: Any, before: Any, without: set[str], progress: Any, *, others: list[Any]) -> SimpleNamespace:
+    def search(
+        problem: Any, before: Any, without: set[str], progress: Any, *, tried: list[Any], others: list[Any]
+    ) -> SimpleNamespace:
+        assert tried == ["made otherwise"]
         asked.append(without)
         needed.append(problem.thresholds.second_gain)
         progress("search", 1.0)
@@ -74,7 +77,7 @@ def test_the_outcome_is_of_all_that_was_found(
 
     monkeypatch.setattr(explain, "search", search)
     shares: list[float] = []
-    baseline: Any = SimpleNamespace(fitted="baseline", others=["another"])
+    baseline: Any = SimpleNamespace(fitted="baseline", tried=["made otherwise"], others=["another"])
     thresholds = Thresholds(second_gain=80.0, second_share=0.25)
     problem = DiagnosisProblem(
         observations=[], validation=[], options=DiagnosisOptions(), seed=0, thresholds=thresholds

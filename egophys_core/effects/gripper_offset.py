@@ -32,9 +32,9 @@ EFFECT = Effect(
         Parameter(name=axis, unit="m", low=-0.1, high=0.1, step=0.005, null=0.0) for axis in ("x", "y", "z")
     ),
     traits=Traits(
-        confounders=("tracking_offset", "tracking_rotation"),
+        confounders=("tracking_offset", "tracking_rotation", "uneven_mass"),
         experiment="turn the wrist by 90 degrees while holding: the offset turns along, one of the tracking "
-        "frame does not",
+        "frame does not; then turn the object half round and grasp it anew: added mass turns along, an offset does not",
         needs=frozenset({Need.MOVING_GRIP}),
     ),
     starts=starts,

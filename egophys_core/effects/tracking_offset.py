@@ -25,7 +25,7 @@ EFFECT = Effect(
         Parameter(name=axis, unit="m", low=-0.1, high=0.1, step=0.005, null=0.0) for axis in ("x", "y", "z")
     ),
     traits=Traits(
-        confounders=("gripper_offset", "tracking_rotation", "constant_body_force", "gravity_tilt"),
+        confounders=("gripper_offset", "tracking_rotation", "constant_body_force", "gravity_tilt", "uneven_mass"),
         experiment="touch three marks on the table with the gripper and compare them with where the camera sees them",
         needs=frozenset({Need.MOVING_GRIP}),
     ),

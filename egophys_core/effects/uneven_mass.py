@@ -78,8 +78,17 @@ EFFECT = Effect(
         Parameter(name="fraction", unit="1", low=0.0, high=6.0, step=0.1, null=0.0),
     ),
     traits=Traits(
-        confounders=("gravity_scale", "hidden_tether", "anisotropy", "constant_body_force"),
-        experiment="let it hang still from one end, then from the other: the added mass stretches what is above it",
+        confounders=(
+            "gravity_scale",
+            "hidden_tether",
+            "anisotropy",
+            "constant_body_force",
+            # What is held at one place turns about it: there its centre of mass is off, or the hand is.
+            "gripper_offset",
+            "tracking_offset",
+        ),
+        experiment="let it hang still from one end, then from the other: the added mass stretches what is above it; "
+        "turned half round before it is grasped it carries the mass along, while an offset of hands stays",
         common_in=frozenset({"solid"}),
         is_implausible=lies_beside,
     ),

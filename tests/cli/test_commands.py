@@ -291,6 +291,7 @@ def test_a_plan_that_ends_farther_than_tolerated_is_a_finding(egophys, twin_file
     assert not read_plan(tmp_path / "plan.json").reached
 
 
+@pytest.mark.slow
 def test_fresh_process_prints_json_alone_also_while_kernels_compile(twin_file, episode_bag, tmp_path):
     # Nothing is cached, so Warp compiles, and says so somewhere else than on standard output.
     done = subprocess.run(

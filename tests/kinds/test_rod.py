@@ -260,6 +260,7 @@ def test_an_intrinsic_curvature_is_found() -> None:
     assert -1.2 < twin.model.parameters.intrinsic_curvature_up < -0.2
 
 
+@pytest.mark.slow
 def test_an_uneven_intrinsic_curvature_is_told_from_several_records() -> None:
     """What was fitted to two motions foretells a third; an even curvature does not."""
     still = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=70))

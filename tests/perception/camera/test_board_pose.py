@@ -175,7 +175,7 @@ def test_wrong_focal_length_is_noticed(scenes, factor):
     assert "focal length" in (intrinsics_warning(poses) or "")
 
 
-@pytest.mark.parametrize("factor", [0.9, 1.1])
+@pytest.mark.parametrize("factor", [pytest.param(0.9, marks=pytest.mark.slow), 1.1])
 def test_right_focal_length_comes_back(scenes, factor):
     matrix = MATRIX * [[factor], [factor], [1]]
     matrix[:2, 2] = MATRIX[:2, 2]

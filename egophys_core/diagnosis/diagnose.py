@@ -30,7 +30,7 @@ from egophys_core.diagnosis.evidence.where import where
 from egophys_core.diagnosis.hypotheses.attained_gain import AttainedGains
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
-from egophys_core.diagnosis.hypotheses.search import Search
+from egophys_core.diagnosis.hypotheses.search_verdict import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.explain import explain

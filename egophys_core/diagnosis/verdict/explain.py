@@ -8,7 +8,8 @@ from egophys_core.diagnosis.direct.measure import MeasuredEffect
 from egophys_core.diagnosis.evidence.baseline_twin import BaselineTwin
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.evidence.refit import Fitted
-from egophys_core.diagnosis.hypotheses.search import Search, search
+from egophys_core.diagnosis.hypotheses.search import search
+from egophys_core.diagnosis.hypotheses.search_verdict import Search
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 
 ROUNDS = 2

@@ -325,6 +325,19 @@ def test_points_recorded_late_do_not_move_the_hold(rate, delay):
     assert found(episode) == [[about(HOLD, 1.0, 5.0)]]
 
 
+@pytest.mark.parametrize("delay", [0.05, 0.15])
+def test_points_recorded_a_little_late_do_not_loosen_the_hold_of_a_hand_that_swings_fast(delay):
+    times = seconds(6.0, 60.0)
+    hand = path(times, (0.4, HOVER), (1.0, ABOVE), (1.2, ABOVE), (2.0, ABOVE + [0, 0, 0.2]))
+    swings = (times > 2.5) & (times < 2.5 + 5 / 2.2)
+    hand[swings, 1] += 0.08 * np.sin(2 * np.pi * 2.2 * (times[swings] - 2.5))
+    late = round(delay * 60.0)
+    points = (ball() + carried(times, hand, (1.0, 6.0))[:, None])[np.maximum(np.arange(len(times)) - late, 0)]
+    episode = observed(times, points, fingers(hand))
+    assert see_hands(episode).delay == pytest.approx(delay, abs=0.01)
+    assert found(episode) == [[about(HOLD, 1.0, 6.0)]]
+
+
 def test_pushed_object_that_follows_late_is_not_taken_for_points_recorded_late():
     times = seconds(3.0)
     hand = path(times, (0.5, BESIDE + [0.1, 0, 0]), (2.0, BESIDE - [0.1, 0, 0]))

@@ -15,12 +15,12 @@ from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameter
 from egophys_core.diagnosis.evidence.refit import (
     Fitted,
     best_of_each,
+    losses_by_residuals,
     losses_of,
     refit,
     refit_from,
     refit_further,
     residual_scale,
-    robust_loss,
 )
 from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
 from egophys_core.effects import TwinEffect
@@ -88,7 +88,7 @@ def fit_baseline(
     models = [each for group in made_alike for each in group]
     found = residuals(observations, models)
     scale = residual_scale(observations, [each[0] for each in found])
-    losses = np.array([robust_loss([each[row] for each in found], scale) for row in range(len(models))])
+    losses = losses_by_residuals(found, scale)
     scale = residual_scale(observations, [each[np.argmin(losses)] for each in found])
     plain = best_of_each(made_alike, losses)[:starts]
     fits = [

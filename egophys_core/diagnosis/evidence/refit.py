@@ -70,8 +70,12 @@ def robust_loss(found: Sequence[np.ndarray], scale: float) -> float:
 
 def losses_of(observations: Sequence[TrackedEpisode], models: Sequence[ObjectModel], scale: float) -> np.ndarray:
     """[K] loss of each model, simulated together."""
-    found = residuals(observations, models)
-    return np.array([robust_loss([each[row] for each in found], scale) for row in range(len(models))])
+    return losses_by_residuals(residuals(observations, models), scale)
+
+
+def losses_by_residuals(found: Sequence[np.ndarray], scale: float) -> np.ndarray:
+    """[K] loss of each model, by the residuals of all, per episode [K, B, Q, 3] metres."""
+    return np.array([robust_loss(rows, scale) for rows in zip(*found, strict=True)])
 
 
 def best_of_each(groups: Sequence[Sequence[ObjectModel]], losses: np.ndarray) -> list[ObjectModel]:

@@ -1,9 +1,8 @@
 """What a search ends with: the verdict on the effects that were judged, tested where they were not fitted first."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from egophys_core.diagnosis.criterion import CriterionResult
 from egophys_core.diagnosis.evidence.baseline_twin import TriedTwin
 from egophys_core.diagnosis.evidence.generic_law import Law, find_law
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, validated
@@ -41,7 +40,7 @@ class Search:
     refitted: list[RefittedEffect]
     law: Law
     verdict: Verdict
-    criteria: Mapping[str, tuple[CriterionResult, ...]]
+    criteria: Criteria
     """Of every effect by name: those of the verdict, or what kept it from a refit."""
 
 

@@ -3,8 +3,8 @@
 import pytest
 
 from egophys_core.diagnosis.evidence.baseline_twin import fit_baseline, follows
-from egophys_core.diagnosis.evidence.refit import robust_loss
-from egophys_core.diagnosis.evidence.residuals import observe, residuals
+from egophys_core.diagnosis.evidence.refit import losses_of
+from egophys_core.diagnosis.evidence.residuals import observe
 from tests.diagnosis.rehearsed import away, episodes, fallen, sheet
 
 
@@ -13,14 +13,9 @@ def observations():
     return [observe(sheet(), episode) for episode in episodes()]
 
 
-def losses(observations, models, scale):
-    found = residuals(observations, models)
-    return [robust_loss([each[row] for each in found], scale) for row in range(len(models))]
-
-
 def test_the_baseline_explains_more_than_the_twin_and_all_else_it_was_chosen_from(observations):
     baseline = fit_baseline(observations, sheet(), starts=4, iterations=2)
-    of_twin, *of_others = losses(observations, [sheet(), *baseline.others], baseline.fitted.scale)
+    of_twin, *of_others = losses_of(observations, [sheet(), *baseline.others], baseline.fitted.scale)
     assert baseline.fitted.loss < of_twin
     assert baseline.fitted.loss < min(of_others)
 
@@ -31,7 +26,7 @@ def test_of_each_graph_and_grasp_one_is_tried_and_the_best_are_starts_of_effects
     made = {(len(each.plain.graph.springs), each.plain.parameters.controller_radius) for each in baseline.tried}
     assert len(made) == len(baseline.tried) == starts
     assert len(baseline.others) == 2 + runners_up
-    found = losses(observations, [each.refitted for each in baseline.tried], baseline.fitted.scale)
+    found = losses_of(observations, [each.refitted for each in baseline.tried], baseline.fitted.scale)
     assert found[0] == min(found)
 
 

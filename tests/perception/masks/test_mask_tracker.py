@@ -108,6 +108,12 @@ def test_prior_of_the_caller_replaces_the_flow():
     assert region_similarity(masks.object, moved.object) > 0.9
 
 
+@pytest.mark.slow
+def test_same_views_give_the_same_masks():
+    first, second = (follow(Scene(frames=12))[0] for _ in range(2))
+    assert all((one.object == two.object).all() for one, two in zip(first, second, strict=True))
+
+
 @pytest.mark.parametrize("mask", [np.zeros((518, 518), bool), np.ones((40, 40), bool), np.ones((518, 518), np.uint8)])
 def test_bad_first_mask_is_refused(mask):
     view, _ = draw(Scene(), 0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from xarm_bridge.xarm6 import XArm6
 
-from egophys_core.errors import RobotError
+from egophys_core.errors import ArmLostError, RobotError
 from egophys_core.robot import ArmTakenError, Ownership
 from tests.xarm_bridge.emulator_process import PACKAGE, make_plan
 
@@ -163,6 +163,26 @@ def test_lost_status_reports_are_noticed(start_emulator, connect_arm):
     # The reports end with the first motion, so the mode change after it is never seen.
     with pytest.raises(RobotError, match="did not report mode"):
         arm.executor.execute(make_plan([[0.0, 0.0, 0.1]], [0.0]))
+
+
+def test_a_controller_that_hangs_between_the_two_questions_of_a_gripper_reading(
+    start_emulator, connect_arm, monkeypatch
+):
+    """The position has come then; why nothing came after it is told all the same."""
+    emulator = start_emulator("--faults-from-stdin")
+    driver = connect_arm(emulator).driver
+    driver.prepare_gripper()
+    wire = driver._api._arm.arm_cmd
+    position = wire.gripper_modbus_get_pos
+
+    def and_then_hang():
+        answer = position()
+        emulator.inject("silence=5")
+        return answer
+
+    monkeypatch.setattr(wire, "gripper_modbus_get_pos", and_then_hang)
+    with pytest.raises(ArmLostError, match="no answer"):
+        driver.gripper_opening()
 
 
 def test_nobody_at_the_address():

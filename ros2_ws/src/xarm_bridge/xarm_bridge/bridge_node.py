@@ -296,7 +296,7 @@ class BridgeNode(ManagedNode):
         key = LOST if isinstance(error, ArmLostError) else ERROR if isinstance(error, ArmFaultError) else PLAN
         message = self._tell(LOST if LOST in self._told else key, "plan not executed", error)
         self._told.discard(PLAN)
-        if isinstance(error, ArmLostError):
+        if isinstance(error, ArmLostError) and LOST not in self._over:  # else it was connected anew meanwhile
             self._link.lose(error)
         return message
 

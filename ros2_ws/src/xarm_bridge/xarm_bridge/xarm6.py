@@ -176,7 +176,9 @@ class XArm6(ArmDriver):
         doing = "reading the gripper"
         pulses = self._call(doing, self._api.get_gripper_position, check_baud=False)
         if pulses is None:
-            # What the SDK returns where the connection ends amid the answer.
+            # The SDK asks for the position and then for the gripper's error, and keeps to itself why the second
+            # question was not answered; asked again, it tells.
+            self._call(doing, self._api.get_gripper_err_code, check_baud=False)
             raise ArmLostError(f"{doing}: the controller at {self._address} answered without a position; is it on?")
         return float(pulses) / PULSES_PER_METRE
 

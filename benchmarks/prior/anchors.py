@@ -40,6 +40,8 @@ class AnchoredItem:
     episode: Episode
     problem: FitProblem
     model: ObjectModel
+    anchor: str
+    """Id of the coarse fit."""
 
 
 def make_anchors(data: Path, folder: Path, *, workers: int, report: Callable[[str, int, int], None]) -> None:
@@ -66,7 +68,8 @@ def read_anchored(item: Item, folder: Path) -> AnchoredItem:
     """An item and its coarse fit."""
     episode = read_episode(item.path)
     problem, _ = prepared(episode)
-    return AnchoredItem(episode=episode, problem=problem, model=read_model(folder, item, "coarse"))
+    twin = load_twin(_path(folder, item, "coarse"))
+    return AnchoredItem(episode=episode, problem=problem, model=twin.model, anchor=twin.twin_id)
 
 
 def is_anchored(item: Item, folder: Path) -> bool:

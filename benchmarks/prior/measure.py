@@ -1,4 +1,7 @@
-"""What every model makes of every item, from the same coarse fit: a row a model and item, kept as it is done."""
+"""What every model makes of every item, from the same coarse fit: a row a model and item, kept as it is done.
+
+A row says which coarse fit it began with, so that rows of several runs can stand in one table.
+"""
 
 import json
 import time
@@ -13,6 +16,7 @@ from benchmarks.prior.anchors import OPTIONS, SEED, AnchoredItem, prepared, read
 from benchmarks.prior.dataset import FOLDER
 from benchmarks.prior.items import Item
 from benchmarks.prior.spring_gaus import fit_spring_gaus
+from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
 from egophys_core.errors import SimulationError
 from egophys_core.evaluation import Scores, baseline_scores, score
@@ -83,7 +87,7 @@ def measure_item(item: Item, models: list[str], anchors: Path, trained: Path, ro
         _keep(rows, item, anchored, f"dense {steps} steps", model, seconds)
     if SPRING_GAUS in missing:
         fit = fit_spring_gaus(anchored)
-        keep_scores(rows, item, SPRING_GAUS, fit.scores, fit.seconds)
+        keep_scores(rows, item, SPRING_GAUS, fit.scores, fit.seconds, anchor=anchored.anchor)
     for name in (name for name in missing if name not in (*budgets, SPRING_GAUS)):
         began = time.process_time()
         model = _model(name, anchored, trained)
@@ -101,10 +105,9 @@ def refined(anchored: AnchoredItem, model: ObjectModel, budgets: list[int]) -> I
         yield budget, refinement.best, seconds
 
 
-def read_rows(items: list[Item], model: str, rows: Path = ROWS) -> list[dict[str, Any]]:
-    """Of a model, those rows that are there."""
-    paths = [_path(rows, item, model) for item in items]
-    return [json.loads(path.read_text()) for path in paths if path.exists()]
+def read_rows(rows: Path = ROWS) -> list[dict[str, Any]]:
+    """Those that are there."""
+    return [json.loads(path.read_text()) for path in sorted(rows.glob("*.json"))]
 
 
 def rollout_cost_ratio(anchored: list[AnchoredItem], codebook: Codebook) -> dict[str, Any]:
@@ -156,17 +159,21 @@ def _keep(rows: Path, item: Item, anchored: AnchoredItem, name: str, model: Obje
         positions = None
     seconds += time.process_time() - began
     scores = None if positions is None else score(positions, model.graph.surface, anchored.episode)
-    keep_scores(rows, item, name, scores, seconds)
+    keep_scores(rows, item, name, scores, seconds, anchor=anchored.anchor)
 
 
-def keep_scores(rows: Path, item: Item, name: str, scores: Scores | None, seconds: float) -> None:
-    """Write the row of a model, without errors if it diverged."""
+def keep_scores(rows: Path, item: Item, name: str, scores: Scores | None, seconds: float, *, anchor: str) -> None:
+    """Write the row of a model, without errors if it diverged.
+
+    Args:
+        anchor: id of the coarse fit that it began with, empty of what needs none.
+    """
     values = {} if scores is None else scores.as_dict()
     told = {short: values.get(key, np.nan) for key, short in NAMES.items()}
     finite = {short: value if np.isfinite(value) else None for short, value in told.items()}
     path = _path(rows, item, name)
     path.parent.mkdir(parents=True, exist_ok=True)
-    row = {"item": item.name, "group": item.group, "paper": item.paper, "model": name, **finite, "seconds": seconds}
+    row = {"item": item.name, "model": name, **finite, "seconds": seconds, "anchor": anchor, "commit": commit()}
     write_json(path, row)
 
 
@@ -177,7 +184,7 @@ def measure_baselines(items: list[Item], rows: Path = ROWS) -> None:
             continue
         observed = observe_episode(read_episode(item.path))
         for name, scores in baseline_scores(observed.episode, observed.contact).items():
-            keep_scores(rows, item, name, scores, 0.0)
+            keep_scores(rows, item, name, scores, 0.0, anchor="")
 
 
 def _path(rows: Path, item: Item, model: str) -> Path:

@@ -25,7 +25,6 @@ from benchmarks.prior.measure import (
 )
 from benchmarks.prior.rate import rates
 from benchmarks.prior.sequences import Split
-from benchmarks.provenance import commit
 from egophys_core.evaluation.baselines import BASELINES
 from egophys_core.prior import load_codebook
 
@@ -43,6 +42,8 @@ MODELS = (
     REFINED,
     SEARCHED,
 )
+Rows = list[dict[str, Any]]
+
 ERRORS = ("train_cd_m", "test_cd_m", "train_te_m", "test_te_m")
 COST_ITEMS, RATE_ITEMS = 4, 2
 """Items on which the cost of a rollout is measured, and what asking the codebook more often changes."""
@@ -58,23 +59,30 @@ def run(data: Path = FOLDER, anchors: Path = ANCHORS, trained: Path = TRAINED, r
         "paper": [each for each in held_out if each.paper],
         "open and blind": [each for each in held_out if each.group != "rehearsed"],
     }
+    of_items = newest(earlier["of_items"], read_rows(rows))
     before = {"rows": earlier["rows"], **earlier["sets"]}
-    measured = {name: with_earlier(table(items, rows), before[name]) for name, items in parts.items()}
+    measured = {name: with_earlier(table(items, of_items), before[name]) for name, items in parts.items()}
     anchored = [each for each in held_out if is_anchored(each, anchors)]
     judged = [read_anchored(each, anchors) for each in anchored[:COST_ITEMS]]
     codebook = load_codebook(checkpoint(trained, CODEBOOK))
     return {
         "rows": measured.pop("rows"),
         "sets": measured,
-        "against_codebook": against_codebook(rehearsed, rows) or earlier["against_codebook"],
-        "held_out_sequences": max(earlier["held_out_sequences"], len(read_rows(rehearsed, COARSE, rows))),
+        "against_codebook": against_codebook(rehearsed, of_items) or earlier["against_codebook"],
+        "held_out_sequences": len(rehearsed),
         **rollout_cost_ratio(judged, codebook),
         "rates": rates(judged[:RATE_ITEMS], codebook),
+        "of_items": of_items,
     }
 
 
-def with_earlier(rows: list[dict[str, Any]], earlier: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Of each model the row of more sequences: ablations take hours to train, and rows of items are not committed."""
+def newest(earlier: Rows, measured: Rows) -> Rows:
+    """A row of each item and model: of those that are in both, the one that was measured now."""
+    return list({(row["item"], row["model"]): row for row in (*earlier, *measured)}.values())
+
+
+def with_earlier(rows: Rows, earlier: Rows) -> Rows:
+    """Of each model the row of more sequences: of ablations, which take hours to train, only the means are kept."""
     measured = {row["model"]: row for row in rows}
     known = {row["model"]: row for row in earlier}
     both = [
@@ -83,20 +91,20 @@ def with_earlier(rows: list[dict[str, Any]], earlier: list[dict[str, Any]]) -> l
     return [max(each, key=lambda row: row["sequences"]) for each in both]
 
 
-def table(items: list[Item], rows: Path) -> list[dict[str, Any]]:
+def table(items: list[Item], rows: Rows) -> Rows:
     """A row for every model that has been measured on some of these items.
 
     Ratios are of means over the items that the model and the coarse anchor both have; their standard errors are those
-    of the mean difference.
+    of the mean difference. What began with another coarse fit of an item is left out.
     """
-    coarse = {row["item"]: row for row in read_rows(items, COARSE, rows)}
+    coarse = {row["item"]: row for row in _of(items, COARSE, rows)}
     found = []
     for model in MODELS:
-        measured = [row for row in read_rows(items, model, rows) if row["item"] in coarse]
+        measured = [row for row in _of(items, model, rows) if _began_alike(row, coarse.get(row["item"]))]
         if not measured:
             continue
         row: dict[str, Any] = {"model": model, "sequences": len(measured)}
-        row["commit"] = commit()
+        row["commit"] = " and ".join(sorted({each["commit"] for each in measured}))
         row["diverged"] = sum(each["test_te_m"] is None for each in measured)
         own = {key: _values(measured, key) for key in ERRORS}
         anchor = {key: _values([coarse[each["item"]] for each in measured], key) for key in ERRORS}
@@ -113,13 +121,17 @@ def table(items: list[Item], rows: Path) -> list[dict[str, Any]]:
     return found
 
 
-def against_codebook(items: list[Item], rows: Path) -> list[dict[str, Any]]:
+def against_codebook(items: list[Item], rows: Rows) -> Rows:
     """Per model that refines, over the sequences that both have: means of the codebook's errors over its own, and of
     its own CPU time over the codebook's."""
-    learned = {row["item"]: row for row in read_rows(items, CODEBOOK, rows)}
+    learned = {row["item"]: row for row in _of(items, CODEBOOK, rows)}
     found = []
     for model in (*(f"dense {steps} steps" for steps in DENSE_BUDGETS), SPRING_GAUS):
-        own = [row for row in read_rows(items, model, rows) if row["item"] in learned and row["test_te_m"] is not None]
+        own = [
+            row
+            for row in _of(items, model, rows)
+            if _began_alike(row, learned.get(row["item"])) and row["test_te_m"] is not None
+        ]
         if own:
             other = [learned[row["item"]] for row in own]
             errors = {
@@ -131,7 +143,18 @@ def against_codebook(items: list[Item], rows: Path) -> list[dict[str, Any]]:
     return found
 
 
-def _values(rows: list[dict[str, Any]], key: str) -> np.ndarray:
+def _of(items: list[Item], model: str, rows: Rows) -> Rows:
+    """The rows of a model on some items, in their order."""
+    known = {row["item"]: row for row in rows if row["model"] == model}
+    return [known[item.name] for item in items if item.name in known]
+
+
+def _began_alike(row: dict[str, Any], other: dict[str, Any] | None) -> bool:
+    """Whether there is another row, and both began with the same coarse fit, if they began with one."""
+    return other is not None and (not row["anchor"] or row["anchor"] == other["anchor"])
+
+
+def _values(rows: Rows, key: str) -> np.ndarray:
     return np.array([np.nan if row[key] is None else row[key] for row in rows])
 
 

@@ -36,7 +36,7 @@ def anchored(**motion) -> AnchoredItem:
     episode = make_episode(true, **motion)
     problem = prepare(episode, shape.positions, shape.surface, spacing=shape.spacing)
     coarse = replace(true, stiffness=(0.3 * true.stiffness).astype(np.float32))
-    return AnchoredItem(episode=episode, problem=problem, model=coarse)
+    return AnchoredItem(episode=episode, problem=problem, model=coarse, anchor="")
 
 
 def test_each_anchor_asks_for_its_nearest_others():

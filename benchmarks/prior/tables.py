@@ -97,10 +97,11 @@ def table(items: list[Item], rows: Rows) -> Rows:
     Ratios are of means over the items that the model and the coarse anchor both have; their standard errors are those
     of the mean difference. What began with another coarse fit of an item is left out.
     """
-    coarse = {row["item"]: row for row in _of(items, COARSE, rows)}
+    coarse = _by_item(items, COARSE, rows)
     found = []
     for model in MODELS:
-        measured = [row for row in _of(items, model, rows) if _began_alike(row, coarse.get(row["item"]))]
+        own_rows = _by_item(items, model, rows)
+        measured = [row for item, row in own_rows.items() if _began_alike(row, coarse.get(item))]
         if not measured:
             continue
         row: dict[str, Any] = {"model": model, "sequences": len(measured)}
@@ -124,13 +125,13 @@ def table(items: list[Item], rows: Rows) -> Rows:
 def against_codebook(items: list[Item], rows: Rows) -> Rows:
     """Per model that refines, over the sequences that both have: means of the codebook's errors over its own, and of
     its own CPU time over the codebook's."""
-    learned = {row["item"]: row for row in _of(items, CODEBOOK, rows)}
+    learned = _by_item(items, CODEBOOK, rows)
     found = []
     for model in (*(f"dense {steps} steps" for steps in DENSE_BUDGETS), SPRING_GAUS):
         own = [
             row
-            for row in _of(items, model, rows)
-            if _began_alike(row, learned.get(row["item"])) and row["test_te_m"] is not None
+            for item, row in _by_item(items, model, rows).items()
+            if _began_alike(row, learned.get(item)) and row["test_te_m"] is not None
         ]
         if own:
             other = [learned[row["item"]] for row in own]
@@ -143,10 +144,10 @@ def against_codebook(items: list[Item], rows: Rows) -> Rows:
     return found
 
 
-def _of(items: list[Item], model: str, rows: Rows) -> Rows:
-    """The rows of a model on some items, in their order."""
+def _by_item(items: list[Item], model: str, rows: Rows) -> dict[str, dict[str, Any]]:
+    """The rows of a model on some items, by name of the item, in their order."""
     known = {row["item"]: row for row in rows if row["model"] == model}
-    return [known[item.name] for item in items if item.name in known]
+    return {item.name: known[item.name] for item in items if item.name in known}
 
 
 def _began_alike(row: dict[str, Any], other: dict[str, Any] | None) -> bool:

@@ -10,12 +10,9 @@ from egophys_core.lanes.state import ParameterArrays, StateArrays
 from egophys_core.simulation.attachments import Attachments
 from egophys_core.simulation.batch import BatchCodebook, RolloutBatch
 from egophys_core.simulation.terms.codebook import CodebookArrays, predict_stiffness
-from egophys_core.simulation.terms.codebook_network import OUTPUT_BLOCK, NetworkArrays
+from egophys_core.simulation.terms.codebook_network import OUTPUT_BLOCK, UNIT_BLOCK, NetworkArrays
 from egophys_core.simulation.terms.springs import SpringArrays
 from egophys_core.twin.spring_features import STATIC
-
-SMALLEST_STIFFNESS = 1e-20
-"""N/m. Guards the division by the anchor of a spring that a rollout lacks, whose stiffness is 0, too."""
 
 
 def asked_frames(times: np.ndarray, longest_held: float) -> np.ndarray:
@@ -43,20 +40,12 @@ class DeviceCodebook:
         self.network = _network(learned, device)
         self.arrays = _arrays(batch, learned, device)
         self._attachments: Sequence[Attachments] = ()
-        self._largest_factors: np.ndarray | None = None
-
-    def largest_factors(self, springs: SpringArrays) -> np.ndarray:
+        self.largest_factors = np.ones(batch.count)
         """[K] by how much a spring of each rollout is stiffer than its anchor now, at most; 1 where none is.
 
         Of a rollout that diverged it means nothing, and is 1.
         """
-        if self._largest_factors is None:
-            stiffness, anchors = (
-                unpack(each.numpy(), self.batch.count) for each in (springs.stiffness, self.arrays.anchors)
-            )
-            largest = (stiffness / np.maximum(anchors, SMALLEST_STIFFNESS)).max(axis=1, initial=1.0)
-            self._largest_factors = np.where(np.isfinite(largest), largest, 1.0)
-        return self._largest_factors
+        self._largest = wp.zeros((self.groups, -(-self.nodes // self.rows)), dtype=Lanes, device=device)
 
     def set_stiffness(
         self,
@@ -69,10 +58,9 @@ class DeviceCodebook:
         if attachments is not self._attachments:
             self.arrays.held.assign(pack(held_nodes(attachments, self.nodes)))
             self._attachments = attachments
-        self._largest_factors = None
         wp.launch(
             predict_stiffness,
-            dim=(self.groups, -(-self.nodes // self.rows)),
+            dim=self._largest.shape,
             inputs=[
                 self.rows,
                 self.nodes,
@@ -82,9 +70,12 @@ class DeviceCodebook:
                 self.arrays,
                 springs,
                 springs.stiffness,
+                self._largest,
             ],
             device=self.device,
         )
+        largest = unpack(self._largest.numpy(), self.batch.count).max(axis=1, initial=1.0)
+        self.largest_factors = np.where(np.isfinite(largest), largest, 1.0)
 
 
 def held_nodes(attachments: Sequence[Attachments], nodes: int) -> np.ndarray:
@@ -98,8 +89,9 @@ def held_nodes(attachments: Sequence[Attachments], nodes: int) -> np.ndarray:
 def _network(learned: BatchCodebook, device: str) -> NetworkArrays:
     """A network with scales and temperature put into its weights."""
     codebook, count = learned.codebook, len(STATIC)
-    scaled = codebook.hidden_weights / codebook.scale
-    bias = codebook.hidden_bias - scaled @ codebook.centre
+    units = -len(codebook.hidden_bias) % UNIT_BLOCK
+    scaled = np.pad(codebook.hidden_weights / codebook.scale, ((0, units), (0, 0)))
+    bias = np.pad(codebook.hidden_bias, (0, units)) - scaled @ codebook.centre
     alike = bool((learned.features == learned.features[:1]).all())
     features = learned.features[0] if alike else learned.features
     limited = np.clip(features, codebook.low[:count], codebook.high[:count])
@@ -107,6 +99,7 @@ def _network(learned: BatchCodebook, device: str) -> NetworkArrays:
     temperature = codebook.temperature[0] if codebook.size else 1.0
     outputs = codebook.head_bias.shape[1]
     lacking = -outputs % OUTPUT_BLOCK
+    heads = np.pad(codebook.head_weights / temperature, ((0, 0), (0, lacking), (0, units)))
     arrays = NetworkArrays()
     arrays.hidden_count, arrays.output_count = len(bias), outputs
     arrays.has_prototypes = int(codebook.size > 0)
@@ -117,7 +110,7 @@ def _network(learned: BatchCodebook, device: str) -> NetworkArrays:
         arrays.of_graphs = wp.array(pack(of_graph), dtype=Lanes, device=device)
     for name, values in (
         ("by_dynamic", scaled[:, count:]),
-        ("heads", np.pad(codebook.head_weights / temperature, ((0, 0), (0, lacking), (0, 0)))),
+        ("heads", heads.reshape(2, -1, OUTPUT_BLOCK, len(bias)).swapaxes(2, 3)),
         ("head_bias", np.pad(codebook.head_bias / temperature, ((0, 0), (0, lacking)))),
         ("prototypes", codebook.prototypes if codebook.size else np.zeros((2, 1))),
     ):
@@ -132,7 +125,8 @@ def _arrays(batch: RolloutBatch, learned: BatchCodebook, device: str) -> Codeboo
         _floats(limits[count:], device) for limits in (learned.codebook.low, learned.codebook.high)
     )
     arrays.anchors = wp.array(pack(batch.stiffness), dtype=Lanes, device=device)
-    arrays.used = wp.array(pack(learned.used.astype(np.float32)), dtype=Lanes, device=device)
+    used = (batch.stiffness > 0.0) & learned.used[:, None]
+    arrays.used = wp.array(pack(used.astype(np.float32)), dtype=Lanes, device=device)
     arrays.held = wp.zeros((group_count(batch.count), batch.positions.shape[1]), dtype=Lanes, device=device)
     return arrays
 

@@ -146,9 +146,10 @@ class Engine:
             SimulationError: a rollout would need more than `MOST_SUBSTEPS_PER_SECOND` substeps a second.
         """
         segment = self._segment(frame)
-        if self.codebook is not None and self.codebook.asked[frame] == frame:
+        asks = self.codebook is not None and self.codebook.asked[frame] == frame
+        if self.codebook is not None and asks:
             self.codebook.set_stiffness(self.state, self.parameters, self.springs, segment.attachments)
-        if self.effect_rates.follows or self.codebook is not None:
+        if self.effect_rates.follows or asks:
             segment = replace(segment, substeps=self._substeps(segment.durations, self._rates(segment)))
         self.segments.append(segment)
         if self.sliding is not None:
@@ -291,7 +292,7 @@ class Engine:
         """
         added = self.effect_rates.at(*self._extremes()) if self.effect_rates.follows else self.effect_rates.at_rest()
         stiffness, damping = segment.rates
-        factor = added.factor * (1.0 if self.codebook is None else self.codebook.largest_factors(self.springs))
+        factor = added.factor * (1.0 if self.codebook is None else self.codebook.largest_factors)
         stiffness = stiffness + (factor - 1.0) * segment.spring_rates + added.stiffness
         return stiffness, damping + added.damping
 

@@ -22,8 +22,8 @@ class CodebookArrays:
     """[6]."""
     anchors: wp.array2d(dtype=Lanes)
     """[G, E] N/m, the stiffness that offsets are added to, in logarithms; 0 where a rollout lacks the spring."""
-    used: wp.array(dtype=Lanes)
-    """[G] 1 for rollouts that have the codebook, 0 for those that do not."""
+    used: wp.array2d(dtype=Lanes)
+    """[G, E] 1 for springs of rollouts that have the codebook, else 0."""
     held: wp.array2d(dtype=Lanes)
     """[G, N] 1 for nodes that a hand holds."""
 
@@ -47,8 +47,9 @@ def predict_stiffness(
     codebook: CodebookArrays,
     springs: SpringArrays,
     stiffness: wp.array2d(dtype=Lanes),
+    largest: wp.array2d(dtype=Lanes),
 ):
-    """The stiffness of all springs in the present state, N/m; dim = (G, ceil(N / rows)).
+    """The stiffness of all springs in the present state, N/m, and the largest factor; dim = (G, ceil(N / rows)).
 
     A spring without length has the direction 0.
     """
@@ -58,8 +59,8 @@ def predict_stiffness(
     hands = codebook.held
     low = codebook.low
     high = codebook.high
-    used = codebook.used[group]
     ground = parameters.contact_height[group]
+    most = Lanes()
     for node in range(thread * rows, wp.min((thread + 1) * rows, nodes)):
         for spring in range(springs.starts[node], springs.starts[node + 1]):
             other = springs.ends[spring]
@@ -99,7 +100,9 @@ def predict_stiffness(
                 limited(height, low[4], high[4]),
                 limited(held, low[5], high[5]),
                 stretched,
-                used,
+                codebook.used[group, spring],
                 MOST_OFFSET,
             )
             stiffness[group, spring] = wp.cw_mul(factor, codebook.anchors[group, spring])
+            most = wp.max(most, factor)
+    largest[group, thread] = most

@@ -8,8 +8,8 @@ import warp as wp
 
 from egophys_core.lanes import Lanes
 
-OUTPUT_BLOCK = 4
-"""Outputs that are computed together; weights and biases are filled up to a multiple of it."""
+OUTPUT_BLOCK, UNIT_BLOCK = 4, 2
+"""Outputs and hidden units that are computed together; weights are filled up to multiples of them."""
 
 
 @wp.struct
@@ -28,8 +28,8 @@ class NetworkArrays:
     """[G, E, H] the same if they are not."""
     by_dynamic: wp.array2d(dtype=float)
     """[H, 6] weights of the dynamic features, over their scale."""
-    heads: wp.array3d(dtype=float)
-    """[2, O filled up, H] over the temperature, tension first."""
+    heads: wp.array4d(dtype=float)
+    """[2, blocks of outputs, H, 4] over the temperature, tension first."""
     head_bias: wp.array2d(dtype=float)
     """[2, O filled up] likewise."""
     prototypes: wp.array2d(dtype=float)
@@ -39,6 +39,7 @@ class NetworkArrays:
 # exp(x) = 2^n exp(r) with |r| <= ln(2) / 2; the polynomial is that of Cephes' expf, which errs by 2 in the last digit.
 # x is limited to where 2^n is a float.
 _NETWORK = """
+    #pragma clang fp contract(fast)
     struct Exponential {
         static CUDA_CALLABLE inline float of(float x) {
             x = x < -80.0f ? -80.0f : (x > 80.0f ? 80.0f : x);
@@ -87,21 +88,24 @@ _NETWORK = """
         // Where all lanes are pulled, or all pressed, the other head is not asked.
         if (pulled == (bank == 0 ? 0.0f : 8.0f))
             continue;
-        const float* heads = &wp::index(network.heads, bank, 0, 0);
         for (int k = 0; k < outputs; k += 4) {
-            float sums[4][8];
+            const float* w = &wp::index(network.heads, bank, k / 4, 0, 0);
+            // Even and odd units have sums of their own, so that one addition need not wait for the last.
+            float sums[2][4][8];
             for (int j = 0; j < 4; ++j)
-                for (int lane = 0; lane < 8; ++lane)
-                    sums[j][lane] = wp::index(network.head_bias, bank, k + j);
-            const float* w = heads + k * hidden;
-            for (int unit = 0; unit < hidden; ++unit)
-                for (int j = 0; j < 4; ++j)
-                    for (int lane = 0; lane < 8; ++lane)
-                        sums[j][lane] += w[j * hidden + unit] * value[unit][lane];
+                for (int lane = 0; lane < 8; ++lane) {
+                    sums[0][j][lane] = wp::index(network.head_bias, bank, k + j);
+                    sums[1][j][lane] = 0.0f;
+                }
+            for (int unit = 0; unit < hidden; unit += 2)
+                for (int odd = 0; odd < 2; ++odd)
+                    for (int j = 0; j < 4; ++j)
+                        for (int lane = 0; lane < 8; ++lane)
+                            sums[odd][j][lane] += w[4 * (unit + odd) + j] * value[unit + odd][lane];
             for (int j = 0; j < 4; ++j)
                 for (int lane = 0; lane < 8; ++lane)
                     if ((stretched.c[lane] > 0.5f) == (bank == 0))
-                        scores[k + j][lane] = sums[j][lane];
+                        scores[k + j][lane] = sums[0][j][lane] + sums[1][j][lane];
         }
     }
     float largest[8], total[8] = {}, weighted[8] = {};

@@ -38,10 +38,9 @@ CODEBOOK = "codebook K=4"
 LEARNED = (CODEBOOK, "codebook K=8", "codebook K=16", "static codebook", "direct MLP")
 """By the names under which `train` keeps their checkpoints."""
 
-DENSE_BUDGETS = (10, 25, 50, 100, 200)
+DENSE = {f"dense {steps} steps": steps for steps in (10, 25, 50, 100, 200)}
+REFINED = {f"{CODEBOOK}, then dense {steps} steps": steps for steps in (10, 25)}
 SPRING_GAUS = "Spring-Gaus"
-FEW_STEPS = 10
-REFINED = f"codebook K=4, then dense {FEW_STEPS} steps"
 SEARCHED = "coarse search with codebook K=4"
 
 NAMES = {
@@ -71,30 +70,31 @@ def measure_all(
     report: Callable[[str, int, int], None],
 ) -> None:
     """Measure what is missing of some models on some items."""
-    missing = [item for item in items if any(not _path(rows, item, model).exists() for model in models)]
     measure = partial(measure_item, models=models, anchors=anchors, trained=trained, rows=rows)
-    for done, (item, _) in enumerate(side_by_side(measure, missing, workers=workers), 1):
-        report(item.name, done, len(missing))
+    for done, (item, _) in enumerate(side_by_side(measure, items, workers=workers), 1):
+        report(item.name, done, len(items))
 
 
 def measure_item(item: Item, models: list[str], anchors: Path, trained: Path, rows: Path) -> None:
-    """Rows of one item, of those models that have none yet."""
-    missing = [model for model in models if not _path(rows, item, model).exists()]
+    """Rows of one item, of those models that have none yet which begins with its present coarse fit."""
     anchored = read_anchored(item, anchors)
-    budgets = {f"dense {steps} steps": steps for steps in DENSE_BUDGETS}
-    wanted = [steps for name, steps in budgets.items() if name in missing]
-    for steps, model, seconds in refined(anchored, anchored.model, wanted):
-        _keep(rows, item, anchored, f"dense {steps} steps", model, seconds)
+    missing = [name for name in models if not _is_measured(rows, item, name, anchored.anchor)]
+    codebook = load_codebook(checkpoint(trained, CODEBOOK))
+    for budgets, model in ((DENSE, anchored.model), (REFINED, with_prior(anchored.model, codebook)[0])):
+        wanted = [name for name in budgets if name in missing]
+        steps = refined(anchored, model, [budgets[name] for name in wanted])
+        for name, (best, seconds) in zip(wanted, steps, strict=True):
+            _keep(rows, item, anchored, name, best, seconds)
     if SPRING_GAUS in missing:
         fit = fit_spring_gaus(anchored)
         keep_scores(rows, item, SPRING_GAUS, fit.scores, fit.seconds, anchor=anchored.anchor)
-    for name in (name for name in missing if name not in (*budgets, SPRING_GAUS)):
+    for name in (name for name in missing if name not in (*DENSE, *REFINED, SPRING_GAUS)):
         began = time.process_time()
         model = _model(name, anchored, trained)
         _keep(rows, item, anchored, name, model, time.process_time() - began)
 
 
-def refined(anchored: AnchoredItem, model: ObjectModel, budgets: list[int]) -> Iterator[tuple[int, ObjectModel, float]]:
+def refined(anchored: AnchoredItem, model: ObjectModel, budgets: list[int]) -> Iterator[tuple[ObjectModel, float]]:
     """The best model after each budget of dense steps, and the CPU seconds up to there."""
     refinement, seconds = DenseRefinement([anchored.problem], model, OPTIONS), 0.0
     for budget in budgets:
@@ -102,12 +102,18 @@ def refined(anchored: AnchoredItem, model: ObjectModel, budgets: list[int]) -> I
         while len(refinement.history) < budget:
             refinement.step()
         seconds += time.process_time() - began
-        yield budget, refinement.best, seconds
+        yield refinement.best, seconds
 
 
 def read_rows(rows: Path = ROWS) -> list[dict[str, Any]]:
     """Those that are there."""
     return [json.loads(path.read_text()) for path in sorted(rows.glob("*.json"))]
+
+
+def _is_measured(rows: Path, item: Item, model: str, anchor: str) -> bool:
+    """Whether there is a row of a model on an item that began with this coarse fit."""
+    path = _path(rows, item, model)
+    return path.exists() and json.loads(path.read_text())["anchor"] == anchor
 
 
 def rollout_cost_ratio(anchored: list[AnchoredItem], codebook: Codebook) -> dict[str, Any]:
@@ -139,11 +145,8 @@ def _model(name: str, anchored: AnchoredItem, trained: Path) -> ObjectModel:
         return anchored.model
     if name in LEARNED:
         return with_prior(anchored.model, load_codebook(checkpoint(trained, name)))[0]
-    codebook = load_codebook(checkpoint(trained, CODEBOOK))
-    if name == REFINED:
-        (_, model, _), *_ = refined(anchored, with_prior(anchored.model, codebook)[0], [FEW_STEPS])
-        return model
     if name == SEARCHED:
+        codebook = load_codebook(checkpoint(trained, CODEBOOK))
         problem, shape = prepared(anchored.episode)
         fit = fit_coarse([problem], shape, OPTIONS, seed=SEED, progress=lambda *_: None, codebook=codebook)
         return fit.model

@@ -13,7 +13,7 @@ from benchmarks.prior.items import Item, all_items
 from benchmarks.prior.measure import (
     COARSE,
     CODEBOOK,
-    DENSE_BUDGETS,
+    DENSE,
     LEARNED,
     REFINED,
     ROWS,
@@ -37,9 +37,9 @@ MODELS = (
     *BASELINES,
     COARSE,
     *LEARNED,
-    *(f"dense {steps} steps" for steps in DENSE_BUDGETS),
+    *DENSE,
     SPRING_GAUS,
-    REFINED,
+    *REFINED,
     SEARCHED,
 )
 Rows = list[dict[str, Any]]
@@ -126,7 +126,7 @@ def against_codebook(items: list[Item], rows: Rows) -> Rows:
     its own CPU time over the codebook's."""
     learned = _by_item(items, CODEBOOK, rows)
     found = []
-    for model in (*(f"dense {steps} steps" for steps in DENSE_BUDGETS), SPRING_GAUS):
+    for model in (*DENSE, SPRING_GAUS):
         own = [
             row
             for item, row in _by_item(items, model, rows).items()

@@ -145,7 +145,7 @@ def measure(case: Case) -> dict[str, Any]:
         **asdict(case),
         "outcome": str(diagnosis.outcome),
         "named": [effect.name for effect in diagnosis.effects],
-        "beside": list(diagnosis.decisions[-1].beside),
+        "beside": [effect.name for effect in diagnosis.effects if effect.name not in diagnosis.ambiguous],
         "effects": content["effects"],
         "reason": diagnosis.reason,
         "candidates": content["candidates"][:5],

@@ -38,7 +38,7 @@ def run(parsed: argparse.Namespace) -> int:
     from egophys_core.diagnosis.verdict.thresholds import Thresholds
     from egophys_core.effects import LIBRARY, effect_named
     from egophys_core.experiments import choose, save_experiment
-    from egophys_core.experiments.open_questions import known_limits, left_open, read_content, rivals
+    from egophys_core.experiments.open_questions import known_limits, left_open, read_content
     from egophys_core.twin import load_twin
 
     for name in parsed.effects:
@@ -53,7 +53,7 @@ def run(parsed: argparse.Namespace) -> int:
             asked,
             hands_of(parsed),
             known=known_limits(content) if content else (),
-            rivals=rivals(content) if content else (),
+            rivals=content["ambiguous"] if content else (),
             needed_gain=Thresholds().least_gain,
             least_scale=content["where"]["size_m"] if content else Thresholds().floor_m / 2.0,
             progress=report,

@@ -193,6 +193,7 @@ def _diagnose_observed(
             NamedEffect(name=each.name, parameters=each.parameters, episodes_agree=each.episodes_agree)
             for each in found.named
         ),
+        ambiguous=found.ambiguous,
         candidates=_candidates(first, measured, null),
         decisions=found.decisions,
         limits=(*_limits(problem, first, found.fitted), *by_measurement),

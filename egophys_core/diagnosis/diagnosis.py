@@ -27,7 +27,7 @@ class Outcome(StrEnum):
     """Several effects explain the residual alike; `experiment` would split them."""
     NAMED_AND_UNEXPLAINED = "named_and_unexplained"
     NAMED_AND_AMBIGUOUS = "named_and_ambiguous"
-    """Beside what is named (`beside` of the last decision) several effects explain the rest alike."""
+    """Beside what is named several effects explain the rest alike."""
     UNEXPLAINED = "unexplained"
     """Structure that no effect of the library fits."""
 
@@ -184,6 +184,9 @@ class Diagnosis:
 
     outcome: Outcome
     effects: tuple[NamedEffect, ...]
+    """Those that are named, then those that cannot be told apart."""
+    ambiguous: tuple[str, ...]
+    """Names of those that cannot be told apart."""
     candidates: tuple[Candidate, ...]
     """By falling held-out gain."""
     decisions: tuple[Decision, ...]

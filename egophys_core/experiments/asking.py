@@ -11,7 +11,7 @@ from egophys_core.effects import effect_named
 from egophys_core.errors import PlanningError
 from egophys_core.experiments.choice import Proposal, choose
 from egophys_core.experiments.family import HandLimits
-from egophys_core.experiments.open_questions import known_limits, left_open, rivals
+from egophys_core.experiments.open_questions import known_limits, left_open
 from egophys_core.observation import AnyEpisode
 from egophys_core.twin import Twin
 
@@ -148,7 +148,7 @@ def is_decided(finding: Finding) -> bool:
     swings a tilt was lost that had been found.
     """
     diagnosis = finding.diagnosis
-    open_ones = set(rivals(diagnosis.as_dict()))
+    open_ones = diagnosis.ambiguous
     return diagnosis.outcome is Outcome.NAMED or (
         bool(open_ones) and _are_one_thing([each for each in diagnosis.effects if each.name in open_ones])
     )
@@ -195,7 +195,7 @@ def next_motion(
             [name for name in left_open(content) if name not in without],
             limits,
             known=known_limits(content),
-            rivals=rivals(content),
+            rivals=finding.diagnosis.ambiguous,
             done=done,
             needed_gain=Thresholds().least_gain,
             least_scale=finding.diagnosis.where.size_m,

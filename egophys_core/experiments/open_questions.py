@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from egophys_core.diagnosis.diagnosis import DetectionLimit, Outcome
+from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.diagnosis.saving import DIAGNOSIS_NAME
 from egophys_core.errors import DiscrepancyError
 
@@ -21,8 +21,9 @@ def read_content(folder: Path) -> dict[str, Any]:
         content: dict[str, Any] = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError) as error:
         raise DiscrepancyError(f"cannot read {path}: {error}; give the folder that `egophys diagnose` made") from error
-    if "limits" not in content:
-        raise DiscrepancyError(f"{path}: it lacks detection limits, as one of an earlier version does; diagnose again")
+    lacking = [name for name in ("limits", "ambiguous") if name not in content]
+    if lacking:
+        raise DiscrepancyError(f"{path}: it lacks `{lacking[0]}`, as one of an earlier version does; diagnose again")
     return content
 
 
@@ -31,18 +32,10 @@ def known_limits(content: Mapping[str, Any]) -> list[DetectionLimit]:
     return [DetectionLimit(**{**each, "alike": tuple(each["alike"])}) for each in content["limits"]]
 
 
-def rivals(content: Mapping[str, Any]) -> list[str]:
-    """The effects that it could not tell apart."""
-    if content["outcome"] not in (Outcome.AMBIGUOUS, Outcome.NAMED_AND_AMBIGUOUS):
-        return []
-    beside = content["decisions"][-1]["beside"]
-    return [each["name"] for each in content["effects"] if each["name"] not in beside]
-
-
 def left_open(content: Mapping[str, Any]) -> list[str]:
     """The effects to ask about: those that it could not tell apart, else all that it does not name.
 
     What came nearest to being named is no guide: what the motions could not show comes last.
     """
     named = {each["name"] for each in content["effects"]}
-    return rivals(content) or [each["name"] for each in content["candidates"] if each["name"] not in named]
+    return list(content["ambiguous"]) or [each["name"] for each in content["candidates"] if each["name"] not in named]

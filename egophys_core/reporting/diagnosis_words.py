@@ -65,7 +65,7 @@ def headline(content: Mapping[str, Any], texts: Mapping[str, EffectText]) -> str
         case "named_and_unexplained":
             return f"The twin lacks {_count(names)}: {lacks}. {gain} The rest has a cause that is not known."
         case "named_and_ambiguous":
-            known = len(content["decisions"][-1]["beside"])
+            known = len(names) - len(content["ambiguous"])
             lacks, either = join(phrases[:known], "and"), join(phrases[known:], "or")
             return (
                 f"The twin lacks {_count(names[:known])}: {lacks}. It lacks one more, and these recordings cannot tell "

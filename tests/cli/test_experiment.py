@@ -11,7 +11,7 @@ from egophys_core.errors import DiscrepancyError, OutputError, TwinError
 from egophys_core.experiments import choice
 from egophys_core.plan_file import read_plan
 from egophys_core.twin import save_twin
-from tests.diagnosis.findings import make_decision, make_diagnosis
+from tests.diagnosis.findings import make_diagnosis
 from tests.effects.situations import sheet
 from tests.experiments.twins import twin_of
 
@@ -62,7 +62,7 @@ def test_what_a_diagnosis_left_open_is_asked_about(twin_file, tmp_path, capsys, 
             type(make_diagnosis().effects[0])(name=name, parameters={}, episodes_agree=True)
             for name in ("gravity_scale", "added_mass")
         ),
-        decisions=(make_decision(),),
+        ambiguous=("gravity_scale", "added_mass"),
     )
     (tmp_path / "d").mkdir()
     save_diagnosis(found, tmp_path / "d/diagnosis.json")

@@ -63,6 +63,7 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
                 episodes_agree=True,
             ),
         ),
+        "ambiguous": (),
         "candidates": (
             Candidate(
                 name="quadratic_drag",

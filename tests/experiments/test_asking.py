@@ -89,13 +89,13 @@ def test_it_says_why_what_residuals_name_is_not_asked_about(monkeypatch):
 def test_what_is_one_thing_in_every_motion_is_decided(upward, decided):
     tilt = named("gravity_tilt", about_x=0.1, about_y=0.13)
     force = named("constant_body_force", x=1.27, y=-0.98, z=upward)
-    found = make_diagnosis(outcome=Outcome.AMBIGUOUS, effects=(tilt, force))
+    found = make_diagnosis(outcome=Outcome.AMBIGUOUS, effects=(tilt, force), ambiguous=(tilt.name, force.name))
     assert asking.is_decided(SimpleNamespace(diagnosis=found)) is decided
 
 
 def test_what_another_motion_would_tell_apart_is_not_decided():
     drag, slip = named("quadratic_drag", coefficient=3.8), named("grasp_slip", x=0.0, y=0.0, z=0.01, onset=2.0)
-    found = make_diagnosis(outcome=Outcome.AMBIGUOUS, effects=(drag, slip))
+    found = make_diagnosis(outcome=Outcome.AMBIGUOUS, effects=(drag, slip), ambiguous=(drag.name, slip.name))
     assert not asking.is_decided(SimpleNamespace(diagnosis=found))
 
 

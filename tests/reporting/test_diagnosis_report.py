@@ -191,11 +191,11 @@ def test_every_text_is_escaped():
 )
 def test_each_outcome_has_its_words(outcome, names, part):
     named = make_diagnosis().effects[0]
-    beside = tuple(name for name in names if name == "known")
+    is_open = outcome in (Outcome.AMBIGUOUS, Outcome.NAMED_AND_AMBIGUOUS)
     diagnosis = make_diagnosis(
         outcome=outcome,
         effects=tuple(replace(named, name=name) for name in names),
-        decisions=(make_decision(beside=beside),),
+        ambiguous=tuple(name for name in names if is_open and name != "known"),
     )
     assert part in headline(diagnosis.as_dict(), TEXTS)
     assert part in read(diagnosis)

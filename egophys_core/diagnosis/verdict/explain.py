@@ -11,6 +11,7 @@ from egophys_core.diagnosis.evidence.refit import Fitted
 from egophys_core.diagnosis.hypotheses.search import search
 from egophys_core.diagnosis.hypotheses.search_verdict import Search
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
+from egophys_core.diagnosis.verdict.rules import experiment_for
 
 ROUNDS = 2
 """Of naming an effect: what was measured is one, and what a search names."""
@@ -22,7 +23,9 @@ class Explanation:
 
     outcome: Outcome
     named: tuple[MeasuredEffect | RefittedEffect, ...]
-    """The effects named, and those that cannot be told apart, the best of them first."""
+    """The effects named, then those that cannot be told apart, the best of them first."""
+    ambiguous: tuple[str, ...]
+    """Names of those that cannot be told apart."""
     reason: str
     experiment: str | None
     fitted: Fitted
@@ -71,28 +74,35 @@ def explain(
         fitted, others = found.verdict.named[0].fitted, []
         problem = replace(problem, thresholds=problem.thresholds.beside(found.verdict.named[0].gain))
     last = searches[-1].verdict
-    outcome = Outcome.NAMED
-    if not named:
-        outcome = last.outcome
-        fitted = searches[-1].before
-    elif last.outcome == Outcome.AMBIGUOUS:
-        outcome = Outcome.NAMED_AND_AMBIGUOUS
-    elif last.outcome not in (Outcome.NAMED, Outcome.NONE):
-        outcome = Outcome.NAMED_AND_UNEXPLAINED
+    ambiguous: dict[str, MeasuredEffect | RefittedEffect] = {
+        other.name: other for each in shown if each.alike for other in (each, *each.alike)
+    }
     if last.outcome == Outcome.AMBIGUOUS:
-        named += last.named
+        ambiguous |= {each.name: each for each in last.named}
         fitted = last.named[0].fitted
-    alike = [other for each in shown for other in each.alike]
-    if alike:
-        outcome = Outcome.AMBIGUOUS if len(named) == len(shown) == 1 else Outcome.NAMED_AND_AMBIGUOUS
-        named += alike
+    elif not named:
+        fitted = searches[-1].before
+    certain = [each for each in named if each.name not in ambiguous]
+    if ambiguous:
+        outcome = Outcome.NAMED_AND_AMBIGUOUS if certain else Outcome.AMBIGUOUS
+    elif not certain:
+        outcome = last.outcome
+    elif last.outcome in (Outcome.NAMED, Outcome.NONE):
+        outcome = Outcome.NAMED
+    else:
+        outcome = Outcome.NAMED_AND_UNEXPLAINED
+    named = [*certain, *ambiguous.values()]
     if last.outcome != Outcome.NAMED and (outcome != Outcome.NAMED or not named):
         reasons.append(last.reason)
+    experiment = last.experiment
+    if ambiguous and experiment is None:
+        experiment = experiment_for(next(iter(ambiguous)), one_motion=len(problem.observations) < 2)
     return Explanation(
         outcome=outcome,
         named=tuple(named),
+        ambiguous=tuple(ambiguous),
         reason="; beside it, ".join(reasons),
-        experiment=(last if last.outcome == Outcome.AMBIGUOUS else searches[0].verdict).experiment,
+        experiment=experiment,
         fitted=fitted,
         searches=tuple(searches),
         decisions=tuple(decisions),

@@ -14,7 +14,9 @@ from tests.diagnosis.findings import make_decision
 
 DELAY = SimpleNamespace(name="control_delay", shows=True, reason="control_delay is measured", alike=())
 ABSENT = SimpleNamespace(name="tracking_scale", shows=False, reason="tracking_scale is measured", alike=())
-ASIDE = SimpleNamespace(name="tilt", shows=True, reason="tilt is measured", alike=(SimpleNamespace(name="force"),))
+FORCE = SimpleNamespace(name="force")
+ASIDE = SimpleNamespace(name="tilt", shows=True, reason="tilt is measured", alike=(FORCE,))
+PUSHED = SimpleNamespace(name="gust", shows=True, reason="gust is measured", alike=(FORCE,))
 
 
 def judged(name: str) -> SimpleNamespace:
@@ -26,7 +28,7 @@ def verdict(outcome: Outcome, *names: str) -> SimpleNamespace:
         outcome=outcome,
         named=tuple(map(judged, names)),
         reason=f"{outcome} {' '.join(names)}",
-        experiment=None,
+        experiment="a motion" if outcome == Outcome.AMBIGUOUS else None,
         decision=make_decision(rule=str(outcome)),
     )
 
@@ -37,23 +39,24 @@ EITHER = verdict(Outcome.AMBIGUOUS, "tilt", "force")
 
 
 @pytest.mark.parametrize(
-    ("measured", "verdicts", "outcome", "names", "fitted"),
+    ("measured", "verdicts", "outcome", "certain", "ambiguous", "fitted"),
     [
-        ([], [NONE], Outcome.NONE, [], "relieved"),
-        ([], [UNEXPLAINED], Outcome.UNEXPLAINED, [], "relieved"),
-        ([], [EITHER], Outcome.AMBIGUOUS, ["tilt", "force"], "with tilt"),
-        ([], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
-        ([], [DRAG, TETHER], Outcome.NAMED, ["drag", "tether"], "with tether"),
-        ([], [DRAG, EITHER], Outcome.NAMED_AND_AMBIGUOUS, ["drag", "tilt", "force"], "with tilt"),
-        ([DELAY], [EITHER], Outcome.NAMED_AND_AMBIGUOUS, ["control_delay", "tilt", "force"], "with tilt"),
-        ([DELAY], [NONE], Outcome.NAMED, ["control_delay"], "baseline"),
-        ([DELAY], [DRAG], Outcome.NAMED, ["control_delay", "drag"], "with drag"),
-        ([ABSENT], [DRAG, NONE], Outcome.NAMED, ["drag"], "with drag"),
-        ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], "baseline"),
-        ([ASIDE], [NONE], Outcome.AMBIGUOUS, ["tilt", "force"], "baseline"),
-        ([ASIDE], [DRAG], Outcome.NAMED_AND_AMBIGUOUS, ["tilt", "drag", "force"], "with drag"),
-        ([DELAY, ASIDE], [NONE], Outcome.NAMED_AND_AMBIGUOUS, ["control_delay", "tilt", "force"], "baseline"),
-        ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], "baseline"),
+        ([], [NONE], Outcome.NONE, [], [], "relieved"),
+        ([], [UNEXPLAINED], Outcome.UNEXPLAINED, [], [], "relieved"),
+        ([], [EITHER], Outcome.AMBIGUOUS, [], ["tilt", "force"], "with tilt"),
+        ([], [DRAG, NONE], Outcome.NAMED, ["drag"], [], "with drag"),
+        ([], [DRAG, TETHER], Outcome.NAMED, ["drag", "tether"], [], "with tether"),
+        ([], [DRAG, EITHER], Outcome.NAMED_AND_AMBIGUOUS, ["drag"], ["tilt", "force"], "with tilt"),
+        ([DELAY], [EITHER], Outcome.NAMED_AND_AMBIGUOUS, ["control_delay"], ["tilt", "force"], "with tilt"),
+        ([DELAY], [NONE], Outcome.NAMED, ["control_delay"], [], "baseline"),
+        ([DELAY], [DRAG], Outcome.NAMED, ["control_delay", "drag"], [], "with drag"),
+        ([ABSENT], [DRAG, NONE], Outcome.NAMED, ["drag"], [], "with drag"),
+        ([DELAY, ABSENT], [NONE], Outcome.NAMED, ["control_delay"], [], "baseline"),
+        ([ASIDE], [NONE], Outcome.AMBIGUOUS, [], ["tilt", "force"], "baseline"),
+        ([ASIDE], [DRAG], Outcome.NAMED_AND_AMBIGUOUS, ["drag"], ["tilt", "force"], "with drag"),
+        ([DELAY, ASIDE], [NONE], Outcome.NAMED_AND_AMBIGUOUS, ["control_delay"], ["tilt", "force"], "baseline"),
+        ([ASIDE, PUSHED], [NONE], Outcome.AMBIGUOUS, [], ["tilt", "force", "gust"], "baseline"),
+        ([DELAY], [UNEXPLAINED], Outcome.NAMED_AND_UNEXPLAINED, ["control_delay"], [], "baseline"),
     ],
 )
 def test_the_outcome_is_of_all_that_was_found(
@@ -61,7 +64,8 @@ def test_the_outcome_is_of_all_that_was_found(
     measured: list[Any],
     verdicts: list[SimpleNamespace],
     outcome: Outcome,
-    names: list[str],
+    certain: list[str],
+    ambiguous: list[str],
     fitted: str,
 ):
     asked, needed = [], []
@@ -76,6 +80,7 @@ def test_the_outcome_is_of_all_that_was_found(
         return SimpleNamespace(verdict=verdicts[len(asked) - 1], before="relieved")
 
     monkeypatch.setattr(explain, "search", search)
+    monkeypatch.setattr(explain, "experiment_for", lambda name, one_motion: f"a motion for {name}")
     shares: list[float] = []
     baseline: Any = SimpleNamespace(fitted="baseline", tried=["made otherwise"], others=["another"])
     thresholds = Thresholds(second_gain=80.0, second_share=0.25)
@@ -90,7 +95,9 @@ def test_the_outcome_is_of_all_that_was_found(
         lambda stage, share: shares.append(share),
     )
     assert found.outcome == outcome
-    assert [each.name for each in found.named] == names
+    assert [each.name for each in found.named] == [*certain, *ambiguous]
+    assert list(found.ambiguous) == ambiguous
+    assert bool(found.experiment) == bool(ambiguous)
     assert found.fitted == fitted
     assert len(asked) == len(verdicts)
     assert needed == [80.0, 250.0][: len(verdicts)]

@@ -55,7 +55,7 @@ def run(parsed: argparse.Namespace) -> int:
             known=known_limits(content) if content else (),
             rivals=content["ambiguous"] if content else (),
             needed_gain=Thresholds().least_gain,
-            least_scale=content["where"]["size_m"] if content else Thresholds().floor_m / 2.0,
+            least_scale=content["scale_m"] if content else Thresholds().floor_m / 2.0,
             progress=report,
         )
     told = save_experiment(proposals, twin, parsed.out, stamp_ns=time.time_ns())

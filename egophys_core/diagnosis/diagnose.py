@@ -198,6 +198,7 @@ def _diagnose_observed(
         decisions=found.decisions,
         limits=(*_limits(problem, first, found.fitted), *by_measurement),
         experiment=found.experiment,
+        scale_m=first.before.scale,
         where=where(observations, offsets, first.law.formula),
         error=error,
         seconds=time.monotonic() - started,

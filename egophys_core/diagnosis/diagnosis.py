@@ -63,10 +63,10 @@ class Candidate:
     name: str
     held_out_gain: float
     """Log-likelihood gain on blocks and episodes that were not fitted, over the same refit without the effect;
-    of what was measured directly, on grips or sheets at rest that were not fitted."""
+    of what was measured directly, on grips, falls or sheets at rest that were not fitted."""
     p_null: float
     """Share of rehearsed sets without an effect in which some effect gains as much (`verdict/null_gains.py`); of what
-    was measured directly, share of surrogates."""
+    was measured directly, how likely such a gain is without it."""
     fitted_gain: float
     """Log-likelihood gain on what was fitted."""
     validation_gain: float | None
@@ -146,10 +146,10 @@ class PredictionErrors:
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Where the residual lives, before any effect; block means of the observers' innovations."""
+    """Where the twin is off, before any effect: offsets of tracks from those of its free rollouts."""
 
     size_m: float
-    """Median size of the residual."""
+    """Median length of an offset."""
     by_region: dict[str, float]
     """Metres, by where on the object (near the hand, middle, far) and contact (on the table, in the air)."""
     by_motion: dict[str, float]
@@ -194,6 +194,9 @@ class Diagnosis:
     limits: tuple[DetectionLimit, ...]
     """What the fitted recordings could have shown, of every size of every effect that was searched for."""
     experiment: str | None
+    scale_m: float
+    """Size of the residuals that the refitted twin leaves, before any effect that was searched for:
+    `evidence.refit.residual_scale`."""
     where: Where
     error: tuple[PredictionErrors, ...]
     seconds: float

@@ -198,7 +198,7 @@ def next_motion(
             rivals=finding.diagnosis.ambiguous,
             done=done,
             needed_gain=Thresholds().least_gain,
-            least_scale=finding.diagnosis.where.size_m,
+            least_scale=finding.diagnosis.scale_m,
             most=1,
             progress=progress,
         )

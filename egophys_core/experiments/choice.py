@@ -68,20 +68,21 @@ def choose(
         raise PlanningError(f"hands can do no motion with the object but those that were asked for: {', '.join(done)}")
     shown: dict[str, tuple[DetectionLimit, ...]] = {}
 
-    def limits_of(motion: HandMotion, *, refitted: bool) -> tuple[DetectionLimit, ...]:
-        episode = predicted_episode(twin.model, motion, ground_height=twin.ground_height)
-        return limits_in(
-            twin.model, episode, effects, needed_gain=needed_gain, least_scale=least_scale, refitted=refitted
-        )
+    def limits_of(motion: HandMotion, *, refitted: bool) -> tuple[DetectionLimit, ...] | None:
+        """None where the twin cannot be followed: what such a motion shows cannot be judged."""
+        try:
+            episode = predicted_episode(twin.model, motion, ground_height=twin.ground_height)
+            return limits_in(
+                twin.model, episode, effects, needed_gain=needed_gain, least_scale=least_scale, refitted=refitted
+            )
+        except EgophysError:
+            return None
 
     for index, motion in enumerate(motions):
         progress(motion.name, index / len(motions))
-        try:
-            found = limits_of(motion, refitted=False)
-        except EgophysError:
-            # A motion in which the twin cannot be followed would show nothing that can be judged.
-            continue
-        shown[motion.name] = found
+        found = limits_of(motion, refitted=False)
+        if found is not None:
+            shown[motion.name] = found
     if not shown:
         raise PlanningError("the twin can be simulated in none of the motions; build it anew, or give other --effects")
     before = tuple(known)
@@ -97,7 +98,8 @@ def choose(
         if best is None or (proposals and best.score < WORTH_A_SECOND):
             break
         # What is said of the chosen one is worth more time than what the others are left out for.
-        proposals.append(_proposal(best.motion, before, limits_of(best.motion, refitted=True), rivals))
+        closer = limits_of(best.motion, refitted=True) or shown[best.motion.name]
+        proposals.append(_proposal(best.motion, before, closer, rivals))
         before = proposals[-1].after
     return proposals
 
@@ -119,7 +121,7 @@ def _proposal(
 def together(one: DetectionLimit | None, other: DetectionLimit) -> DetectionLimit:
     """The limit of two sets of recordings together: gains add, and each grows as the square of a small size."""
     if one is None or one.size is None or other.size is None:
-        return other if one is None or one.size is None else replace(one, alike=one.alike)
+        return other if one is None or one.size is None else one
     size = float((one.size**-2 + other.size**-2) ** -0.5)
     # What one of them tells apart is told.
     return replace(other, size=size, alike=tuple(name for name in other.alike if name in one.alike))

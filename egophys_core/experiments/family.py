@@ -310,16 +310,16 @@ def turn_wrist(top: TableTop) -> Iterator[HandMotion]:
 
 
 def drag(top: TableTop) -> Iterator[HandMotion]:
-    """Drag over the table and back, slowly and as fast as is allowed."""
+    """Drag over the table, the object behind the hand, and back: slowly once, as fast as is allowed twice."""
     lift = np.array([0.0, 0.0, 0.012 if top.lies_flat else 0.0])
-    towards = top.axes[1] if len(top.places) == 2 else top.axes[0]
+    away = -top.axes[1] if len(top.places) == 2 else top.axes[0]
     fastest = top.limits.fastest_m_s
-    for speed, how, length in ((SLOW_M_S, "slowly", 0.07), (min(0.4, fastest), "fast", 0.15)):
+    for speed, how, length, times in ((SLOW_M_S, "slowly", 0.07, 1), (min(0.4, fastest), "fast", 0.15, 2)):
 
-        def write(hand: PathWriter, _: float, speed: float = speed, length: float = length) -> None:
+        def write(hand: PathWriter, _: float, speed: float = speed, length: float = length, times: int = times) -> None:
             hand.move(lift, peak_speed=fastest / 2.0)
-            for _ in range(2 if length > 0.1 else 1):
-                hand.move(lift - length * towards, peak_speed=speed)
+            for _ in range(times):
+                hand.move(lift + length * away, peak_speed=speed)
                 hand.wait(0.3)
                 hand.move(lift, peak_speed=speed)
                 hand.wait(0.3)
@@ -327,7 +327,8 @@ def drag(top: TableTop) -> Iterator[HandMotion]:
         yield _motion(
             top,
             f"drag {how}",
-            f"drag it {_centimetres(length)} over the table and back, {how} ({_centimetres(speed)}/s at most)",
+            f"drag it {_centimetres(length)} over the table, away from its middle, and back{' twice' * (times > 1)}, "
+            f"{how} ({_centimetres(speed)}/s at most)",
             write,
         )
 

@@ -21,7 +21,7 @@ def read_content(folder: Path) -> dict[str, Any]:
         content: dict[str, Any] = json.loads(path.read_text("utf-8"))
     except (OSError, ValueError) as error:
         raise DiscrepancyError(f"cannot read {path}: {error}; give the folder that `egophys diagnose` made") from error
-    lacking = [name for name in ("limits", "ambiguous") if name not in content]
+    lacking = [name for name in ("limits", "ambiguous", "scale_m") if name not in content]
     if lacking:
         raise DiscrepancyError(f"{path}: it lacks `{lacking[0]}`, as one of an earlier version does; diagnose again")
     return content

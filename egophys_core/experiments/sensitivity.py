@@ -102,7 +102,7 @@ def _mismatch(
     ]
     order = np.argsort([_size(each) for each in left])
     if refitted:
-        better = order[: len(order) // 2]
+        better = order[: (len(order) + 1) // 2]
         chosen = evenly_chosen(list(better), REFITTED)
         left = [
             problem.column(

@@ -102,6 +102,7 @@ def make_diagnosis(**changes: Any) -> Diagnosis:
             DetectionLimit(effect="control_delay", parameter="delay", unit="s", null=0.0, size=None, alike=()),
         ),
         "experiment": None,
+        "scale_m": 0.0012,
         "where": Where(
             size_m=0.0062,
             by_region={"near the hand": 0.002, "on the table": float("nan")},

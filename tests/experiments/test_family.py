@@ -120,3 +120,18 @@ def test_what_nobody_lets_go_of_is_not_dropped_when_there_is_no_time():
     slow = replace(ARM, fastest_m_s=0.12)
     motions = motions_for(twin_of(solid()), slow)
     assert any(each.name.startswith("hang still, ") for each in motions)
+
+
+@pytest.mark.parametrize("body", [sheet, solid])
+def test_what_is_dragged_comes_behind_the_hand(body):
+    model = body()
+    middle = model.graph.positions.mean(axis=0)[:2]
+    dragged = [each for each in motions_for(twin_of(model), PERSON) if each.name.startswith("drag")]
+    alone = [each for each in dragged if len(each.paths) == 1]
+    assert len(alone) == 2
+    for motion in alone:
+        path = motion.paths[0].positions[:, :2]
+        from_start = np.linalg.norm(path - path[0], axis=1)
+        assert (path[from_start.argmax()] - path[0]) @ (path[0] - middle) > 0.0
+        ways = np.count_nonzero(np.diff((from_start > 0.5 * from_start.max()).astype(int)) > 0)
+        assert ways == (2 if " twice" in motion.sentence else 1)

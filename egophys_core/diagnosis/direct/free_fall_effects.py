@@ -43,7 +43,7 @@ Values = Mapping[str, Mapping[str, float]]
 
 @dataclass(frozen=True, kw_only=True)
 class Halves:
-    """Halves of the tracks of falls: each is left out in turn, and counts as half a fall."""
+    """Halves of the tracks of falls, two by two; each counts as half a fall."""
 
     motions: np.ndarray
     """[H, 5] how each fell, as in `Fall`."""
@@ -53,6 +53,11 @@ class Halves:
     def taken(self, chosen: np.ndarray) -> "Halves":
         """Some of them, by their indices."""
         return replace(self, motions=self.motions[chosen], whitening=self.whitening[chosen])
+
+    def left_out(self) -> list[np.ndarray]:
+        """Indices of what is left out in turn: each fall, whose halves have its swing in common; each half of one."""
+        rows = np.arange(len(self.motions))
+        return list(rows.reshape(-1, 2) if len(rows) > 2 else rows[:, None])
 
     def left(self, values: Values) -> np.ndarray:
         """[H, 5] standard deviations by which they fell otherwise than with effects."""
@@ -213,10 +218,10 @@ def _measured(
     effect, rest = effect_named(name), tuple(each for each in fit.values if each != name)
     without = _fit(halves, rest).values
     held_out, count = [], len(halves.motions)
-    for index in range(count):
-        others = halves.taken(np.delete(np.arange(count), index))
+    for out in halves.left_out():
+        others = halves.taken(np.delete(np.arange(count), out))
         before, after = (_fit(others, each).values for each in (rest, (*rest, name)))
-        held_out.append(float(halves.gains(before, after)[index]))
+        held_out.append(float(halves.gains(before, after)[out].sum()))
     fitted = float(halves.gains(without, fit.values).sum())
     also = (*effect.traits.equivalent_to, *effect.traits.equivalent_in_air)
     general = [each for each in general_forms(name) if not effect_named(each).falls]
@@ -247,6 +252,8 @@ def _measured(
             else ""
         ),
         thresholds=recordings.thresholds,
+        chance="chance of such a gain where it does not act",
+        left_out="a fall left out as a whole" if falls > 1 else "a half of the tracks, left out",
     )
 
 

@@ -34,17 +34,18 @@ class MeasuredEffect:
     parameters: dict[str, Estimate]
     fitted_gain: float
     held_out_gain: float
-    """Each episode by the parameters of the others."""
+    """Each episode by the parameters of the others; of falls each of these, of a single one each half of its tracks."""
     validation_gain: float | None
     """In validation episodes; None without any."""
     p_null: float
+    """How likely so large a gain is without it."""
     episodes_agree: bool
-    """Whether it gains in every episode that was left out."""
+    """Whether it gains in all that was left out."""
     reason: str
     criteria: tuple[CriterionResult, ...]
     """What it was held against."""
     alike: tuple["MeasuredEffect", ...] = ()
-    """Effects that are one thing with it under other names, and explain what was measured as well."""
+    """Effects that explain what was measured about as well."""
 
     @property
     def shows(self) -> bool:
@@ -71,12 +72,16 @@ def measured(
     p_null: float,
     reason: str,
     thresholds: Thresholds,
+    chance: str = "share of surrogates that gain as much",
+    left_out: str = "an episode left out as a whole",
     further: Sequence[CriterionResult] = (),
 ) -> MeasuredEffect:
     """An effect with all of its criteria.
 
     Args:
         held_out_gains: of each episode by the parameters of the others.
+        chance: what `p_null` is.
+        left_out: of what each of these gains is.
         further: criteria of this way of measuring.
     """
     held_out_gain, least = float(sum(held_out_gains)), float(min(held_out_gains))
@@ -92,15 +97,8 @@ def measured(
         reason=reason,
         criteria=(
             compare("measured_gain", what, both, Direction.AT_LEAST, thresholds.measured_gain),
-            compare(
-                "surrogates",
-                "share of surrogates that gain as much",
-                p_null,
-                Direction.AT_MOST,
-                thresholds.largest_p,
-                unit="1",
-            ),
-            compare("every_episode", "least gain of an episode left out as a whole", least, Direction.ABOVE, 0.0),
+            compare("surrogates", chance, p_null, Direction.AT_MOST, thresholds.largest_p, unit="1"),
+            compare("every_episode", f"least gain of {left_out}", least, Direction.ABOVE, 0.0),
             _validation(name, validation_gain),
             *further,
         ),

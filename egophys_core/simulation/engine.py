@@ -71,6 +71,8 @@ class Segment:
     """[K] largest stiffness rate of the object's springs alone, 1/s^2; 0 where nothing changes these."""
     durations: np.ndarray
     """[K] seconds a frame."""
+    stiffness_rates: np.ndarray
+    """[K] largest stiffness rate with what the codebook and effects add in a frame, 1/s^2."""
     substeps: np.ndarray
     """[K] per frame."""
 
@@ -150,7 +152,7 @@ class Engine:
         if self.codebook is not None and asks:
             self.codebook.set_stiffness(self.state, self.parameters, self.springs, segment.attachments)
         if self.effect_rates.follows or asks:
-            segment = replace(segment, substeps=self._substeps(segment.durations, self._rates(segment)))
+            segment = self._with_substeps(segment)
         self.segments.append(segment)
         if self.sliding is not None:
             self.sliding.slide(frame, self.node_positions(), segment.attachments)
@@ -172,7 +174,7 @@ class Engine:
         last = self.segments[-1]
         if np.array_equal(durations, last.durations):
             return last
-        return replace(last, durations=durations, substeps=self._substeps(durations, self._rates(last)))
+        return self._with_substeps(replace(last, durations=durations))
 
     def _nudge(self, time: float) -> None:
         """Put the nudging of this frame on the device; a rollout that diverged is left alone."""
@@ -265,9 +267,10 @@ class Engine:
             rates=np.stack(of_springs) + of_presses,
             spring_rates=self._spring_rates(),
             durations=durations,
+            stiffness_rates=np.zeros(self.batch.count),
             substeps=np.zeros(self.batch.count, int),
         )
-        return replace(segment, substeps=self._substeps(durations, self._rates(segment)))
+        return self._with_substeps(segment)
 
     def _press_rates(self, attachments: Sequence[Attachments]) -> np.ndarray:
         """[2, K] what presses add to the largest stiffness rate, 1/s^2, and damping rate, 1/s, of each rollout."""
@@ -317,9 +320,11 @@ class Engine:
         """The presses of all rollouts as arrays, and where each rollout's own stand in them."""
         return press_arrays(self.batch, attachments, self.device, requires_grad=self.requires_grad)
 
-    def _substeps(self, durations: np.ndarray, rates: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-        substeps = stable_substeps(durations, *rates, longest_substep=self.longest_substep)
-        per_second = substeps / durations
+    def _with_substeps(self, segment: Segment) -> Segment:
+        """The segment with as many as its coming frame needs."""
+        stiffness, damping = self._rates(segment)
+        substeps = stable_substeps(segment.durations, stiffness, damping, longest_substep=self.longest_substep)
+        per_second = substeps / segment.durations
         if per_second.max() > MOST_SUBSTEPS_PER_SECOND:
             row = int(per_second.argmax())
             raise SimulationError(
@@ -328,7 +333,7 @@ class Engine:
                 f"{self.batch.parameters[row].damping:g} N s/m is too large for nodes of "
                 f"{self.batch.masses[row].min():g} kg; lower it or its bound"
             )
-        return substeps
+        return replace(segment, stiffness_rates=stiffness, substeps=substeps)
 
     def _record_divergence(self, frame: int, segment: Segment) -> None:
         divergence = self._host["divergence"]
@@ -345,7 +350,7 @@ class Engine:
 
     def _cause(self, row: int, frame: int, substep: int, node: int, segment: Segment) -> str:
         dt = segment.durations[row] / segment.substeps[row]
-        time = self.times[frame] + dt * (substep + 1)
+        time, phase = self.times[frame] + dt * (substep + 1), dt * np.sqrt(segment.stiffness_rates[row])
         hand_speed = np.linalg.norm(self.controller_velocities[row, frame : frame + 2], axis=2).max(initial=0.0)
         start_speed = np.linalg.norm(self.batch.velocities[row].astype(np.float64), axis=1).max()
         if hand_speed > FASTEST_HAND:
@@ -356,5 +361,5 @@ class Engine:
             cause = "lower the stiffness, the damping or the size of extra forces"
         return (
             f"node {node} is faster than {FASTEST:g} m/s or not finite on the way to frame {frame + 1} "
-            f"(t={time:.3f} s) with omega*dt = {dt * np.sqrt(segment.rates[0, row]):.2f}, stable below 2; {cause}"
+            f"(t={time:.3f} s) with omega*dt = {phase:.2f}, stable below 2; {cause}"
         )

@@ -328,6 +328,7 @@ class _BackwardPass:
             rates=np.stack([segment.rates[:, row] for segment, row in rows], axis=1),
             spring_rates=np.array([segment.spring_rates[row] for segment, row in rows]),
             durations=np.array([segment.durations[row] for segment, row in rows]),
+            stiffness_rates=np.array([segment.stiffness_rates[row] for segment, row in rows]),
             substeps=np.where(active, [segment.substeps[row] for segment, row in rows], 0),
         )
         return self.segment

@@ -6,7 +6,8 @@ loops are one vector.
 
 import warp as wp
 
-from egophys_core.lanes import Lanes
+from egophys_core.lanes import LANES, Lanes
+from egophys_core.twin.codebook import MOST_PROTOTYPES, MOST_UNITS
 
 OUTPUT_BLOCK, UNIT_BLOCK = 4, 2
 """Outputs and hidden units that are computed together; weights are filled up to multiples of them."""
@@ -36,10 +37,15 @@ class NetworkArrays:
     """[2, O] offsets of the logarithm of stiffness."""
 
 
+_SIZES = f"""
+    #pragma clang fp contract(fast)
+    constexpr int LANES = {LANES}, UNITS = {MOST_UNITS}, PROTOTYPES = {MOST_PROTOTYPES};
+    constexpr int OUTPUT_BLOCK = {OUTPUT_BLOCK};
+"""
+
 # exp(x) = 2^n exp(r) with |r| <= ln(2) / 2; the polynomial is that of Cephes' expf, which errs by 2 in the last digit.
 # x is limited to where 2^n is a float.
 _NETWORK = """
-    #pragma clang fp contract(fast)
     struct Exponential {
         static CUDA_CALLABLE inline float of(float x) {
             x = x < -80.0f ? -80.0f : (x > 80.0f ? 80.0f : x);
@@ -60,70 +66,70 @@ _NETWORK = """
     };
     const int hidden = network.hidden_count, outputs = network.output_count;
     const float* by_dynamic = &wp::index(network.by_dynamic, 0, 0);
-    float value[64][8];
+    float value[UNITS][LANES];
     if (network.alike) {
         const float* of_graph = &wp::index(network.of_graph, spring, 0);
         for (int unit = 0; unit < hidden; ++unit)
-            for (int lane = 0; lane < 8; ++lane)
+            for (int lane = 0; lane < LANES; ++lane)
                 value[unit][lane] = of_graph[unit];
     } else {
-        const wp::vec_t<8, float>* of_graph = &wp::index(network.of_graphs, group, spring, 0);
+        const wp::vec_t<LANES, float>* of_graph = &wp::index(network.of_graphs, group, spring, 0);
         for (int unit = 0; unit < hidden; ++unit)
-            for (int lane = 0; lane < 8; ++lane)
+            for (int lane = 0; lane < LANES; ++lane)
                 value[unit][lane] = of_graph[unit].c[lane];
     }
     for (int unit = 0; unit < hidden; ++unit) {
         const float* w = by_dynamic + 6 * unit;
-        for (int lane = 0; lane < 8; ++lane) {
+        for (int lane = 0; lane < LANES; ++lane) {
             const float total = value[unit][lane] + w[0] * stretch.c[lane] + w[1] * size.c[lane]
                 + w[2] * rate.c[lane] + w[3] * vertical.c[lane] + w[4] * height.c[lane] + w[5] * held.c[lane];
             value[unit][lane] = total > 0.0f ? total : 0.0f;
         }
     }
-    float scores[32][8] = {};
+    float scores[PROTOTYPES][LANES] = {};
     float pulled = 0.0f;
-    for (int lane = 0; lane < 8; ++lane)
+    for (int lane = 0; lane < LANES; ++lane)
         pulled += stretched.c[lane];
     for (int bank = 0; bank < 2; ++bank) {
         // Where all lanes are pulled, or all pressed, the other head is not asked.
-        if (pulled == (bank == 0 ? 0.0f : 8.0f))
+        if (pulled == (bank == 0 ? 0 : LANES))
             continue;
-        for (int k = 0; k < outputs; k += 4) {
-            const float* w = &wp::index(network.heads, bank, k / 4, 0, 0);
+        for (int k = 0; k < outputs; k += OUTPUT_BLOCK) {
+            const float* w = &wp::index(network.heads, bank, k / OUTPUT_BLOCK, 0, 0);
             // Even and odd units have sums of their own, so that one addition need not wait for the last.
-            float sums[2][4][8];
-            for (int j = 0; j < 4; ++j)
-                for (int lane = 0; lane < 8; ++lane) {
+            float sums[2][OUTPUT_BLOCK][LANES];
+            for (int j = 0; j < OUTPUT_BLOCK; ++j)
+                for (int lane = 0; lane < LANES; ++lane) {
                     sums[0][j][lane] = wp::index(network.head_bias, bank, k + j);
                     sums[1][j][lane] = 0.0f;
                 }
             for (int unit = 0; unit < hidden; unit += 2)
                 for (int odd = 0; odd < 2; ++odd)
-                    for (int j = 0; j < 4; ++j)
-                        for (int lane = 0; lane < 8; ++lane)
-                            sums[odd][j][lane] += w[4 * (unit + odd) + j] * value[unit + odd][lane];
-            for (int j = 0; j < 4; ++j)
-                for (int lane = 0; lane < 8; ++lane)
+                    for (int j = 0; j < OUTPUT_BLOCK; ++j)
+                        for (int lane = 0; lane < LANES; ++lane)
+                            sums[odd][j][lane] += w[OUTPUT_BLOCK * (unit + odd) + j] * value[unit + odd][lane];
+            for (int j = 0; j < OUTPUT_BLOCK; ++j)
+                for (int lane = 0; lane < LANES; ++lane)
                     if ((stretched.c[lane] > 0.5f) == (bank == 0))
                         scores[k + j][lane] = sums[0][j][lane] + sums[1][j][lane];
         }
     }
-    float largest[8], total[8] = {}, weighted[8] = {};
+    float largest[LANES], total[LANES] = {}, weighted[LANES] = {};
     for (int k = 0; k < outputs; ++k)
-        for (int lane = 0; lane < 8; ++lane) {
+        for (int lane = 0; lane < LANES; ++lane) {
             const float score = scores[k][lane];
             largest[lane] = k == 0 || score > largest[lane] ? score : largest[lane];
         }
     for (int k = 0; network.has_prototypes && k < outputs; ++k) {
         const float longer = wp::index(network.prototypes, 0, k), shorter = wp::index(network.prototypes, 1, k);
-        for (int lane = 0; lane < 8; ++lane) {
+        for (int lane = 0; lane < LANES; ++lane) {
             const float weight = Exponential::of(scores[k][lane] - largest[lane]);
             total[lane] += weight;
             weighted[lane] += weight * (stretched.c[lane] > 0.5f ? longer : shorter);
         }
     }
-    wp::vec_t<8, float> factor;
-    for (int lane = 0; lane < 8; ++lane) {
+    wp::vec_t<LANES, float> factor;
+    for (int lane = 0; lane < LANES; ++lane) {
         float offset = network.has_prototypes ? weighted[lane] / total[lane] : scores[0][lane];
         offset = offset < -most ? -most : (offset > most ? most : offset);
         factor.c[lane] = Exponential::of(used.c[lane] * offset);
@@ -132,7 +138,7 @@ _NETWORK = """
 """
 
 
-@wp.func_native(_NETWORK)
+@wp.func_native(_SIZES + _NETWORK)
 def stiffness_factor(
     network: NetworkArrays,
     group: int,

@@ -88,7 +88,7 @@ class Rods:
 class RolloutBatch:
     """K rollouts of objects with equally many nodes, advanced together.
 
-    Rollouts may differ in springs: `springs` is the union, and a stiffness of 0 says that a rollout lacks one.
+    Rollouts may differ in springs: `springs` is the union, and a stiffness and a damping of 0 say that one lacks it.
     """
 
     springs: np.ndarray
@@ -177,7 +177,7 @@ class RolloutBatch:
     def part(self, rows: np.ndarray) -> "RolloutBatch":
         """Some rollouts as a batch of their own, without the springs that none of them has."""
         part = self.rows(rows)
-        present = (part.stiffness > 0).any(axis=0)
+        present = ((part.stiffness > 0) | (part.damping > 0)).any(axis=0)
         learned = part.codebook
         return replace(
             part,

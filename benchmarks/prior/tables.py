@@ -124,7 +124,7 @@ def table(items: list[Item], rows: Rows) -> Rows:
 def against_codebook(items: list[Item], rows: Rows) -> Rows:
     """Per model that refines, over the sequences that both have: means of the codebook's errors over its own, and of
     its own CPU time over the codebook's."""
-    learned = _by_item(items, CODEBOOK, rows)
+    learned = {item: row for item, row in _by_item(items, CODEBOOK, rows).items() if row["test_te_m"] is not None}
     found = []
     for model in (*DENSE, SPRING_GAUS):
         own = [

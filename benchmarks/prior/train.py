@@ -1,5 +1,6 @@
 """Training the prior that ships with the project, and its ablations, on the training sequences."""
 
+import json
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from benchmarks.prior.anchors import OPTIONS, AnchoredItem, read_anchored, stiff
 from benchmarks.prior.items import Item, all_items
 from benchmarks.prior.measure import checkpoint
 from benchmarks.prior.sequences import Split
+from egophys_core.errors import SimulationError
 from egophys_core.files import write_json
 from egophys_core.identification.building import predict
 from egophys_core.identification.loss import errors_and_gradient
@@ -81,8 +83,11 @@ def train_model(
     judged = [read_anchored(each, anchors) for each in validating]
     before = [held_out_error(each, None) for each in judged]
     losses: list[float] = []
-    best, began = np.inf, time.perf_counter()
+    began = time.perf_counter()
     state = checkpoint(folder, model.name).with_suffix(".state")
+    # A training that goes on has its best pass already.
+    kept = folder.glob(f"{state.stem}.pass*.json") if state.exists() else ()
+    best = min((json.loads(each.read_text())["validation_ratio"] for each in kept), default=np.inf)
     for turn, name, loss in train(training, list(names), read, passes=passes, iterations=iterations, state=state):
         losses.append(loss)
         if name != learned[-1].name:
@@ -111,11 +116,15 @@ def train_model(
 
 
 def held_out_error(anchored: AnchoredItem, codebook: Codebook | None) -> float:
-    """Chamfer distance plus track error after the train frames, metres, with a prior or without."""
+    """Chamfer distance plus track error after the train frames, metres, with a prior or without; infinite where it
+    diverges."""
     model = anchored.model if codebook is None else with_prior(anchored.model, codebook)[0]
     problem, episode = anchored.problem, anchored.episode
     frames = np.arange(episode.train_frames, len(episode.times))
-    positions = predict(model, problem)[problem.first_frame :]
+    try:
+        positions = predict(model, problem)[problem.first_frame :]
+    except SimulationError:
+        return np.inf
     errors, _ = errors_and_gradient(positions, model.graph.surface, problem, frames, fitted=len(frames))
     return float(np.nanmean(errors))
 

@@ -4,13 +4,14 @@ Gradients of rollouts come from the simulator's tape as derivatives by the stiff
 takes them through the network to its weights, and to the state that its features are of.
 """
 
+import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors import SafetensorError
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save
 
 from egophys_core.errors import OutputError, TwinError
@@ -188,19 +189,20 @@ def train(
         TwinError: the state is damaged or of another training.
         OutputError: it cannot be written.
     """
-    done = load_state(training, state) if state.exists() else 0
+    plan = {"lessons": json.dumps(list(lessons)), "iterations": str(iterations)}
+    done = load_state(training, state, plan) if state.exists() else 0
     for turn in range(passes):
         for number, name in enumerate(lessons):
             if turn * len(lessons) + number < done:
                 continue
             lesson = read(name)
             losses = [training.step(lesson) for _ in range(iterations)]
-            save_state(training, state, turn * len(lessons) + number + 1)
+            save_state(training, state, turn * len(lessons) + number + 1, plan)
             yield turn, name, float(np.mean(losses))
 
 
-def save_state(training: Training, path: Path, done: int) -> None:
-    """Write all that training goes on from, atomically; no pickle."""
+def save_state(training: Training, path: Path, done: int, plan: dict[str, str]) -> None:
+    """Write all that training goes on from, atomically, and what its lessons are; no pickle."""
     tensors = {f"network.{name}": each for name, each in training.network.state_dict().items()}
     tensors |= _of_optimiser("adam", training.optimiser)
     for name, residual in training.residuals.items():
@@ -208,18 +210,20 @@ def save_state(training: Training, path: Path, done: int) -> None:
         tensors |= _of_optimiser(f"adam of residual.{name}", residual.optimiser)
     tensors["done"] = torch.tensor([done, training.steps])
     try:
-        write_atomically(path, save({name: each.contiguous() for name, each in tensors.items()}))
+        write_atomically(path, save({name: each.contiguous() for name, each in tensors.items()}, metadata=plan))
     except OSError as error:
         raise OutputError(f"cannot write training state {path}: {error.strerror}") from error
 
 
-def load_state(training: Training, path: Path) -> int:
+def load_state(training: Training, path: Path, plan: dict[str, str]) -> int:
     """Take up a training where it was; how many lessons it has done.
 
     Raises:
-        TwinError: the state is damaged or of another network.
+        TwinError: the state is damaged, of another network, or of other lessons.
     """
     try:
+        with safe_open(path, "pt") as file:
+            planned = file.metadata()
         tensors = load_file(path)
         network = {key.removeprefix("network."): tensors[key] for key in tensors if key.startswith("network.")}
         training.network.load_state_dict(network)
@@ -232,6 +236,8 @@ def load_state(training: Training, path: Path) -> int:
         done, training.steps = (int(each) for each in tensors["done"])
     except (SafetensorError, OSError, KeyError, RuntimeError, ValueError) as error:
         raise TwinError(f"training state {path} is damaged or of another network ({error}); remove it") from error
+    if planned != plan:
+        raise TwinError(f"training state {path} is of other lessons, or of more or fewer steps in each; remove it")
     return done
 
 
@@ -242,7 +248,7 @@ def _of_optimiser(name: str, optimiser: torch.optim.Adam) -> dict[str, torch.Ten
 
 
 def _into_optimiser(optimiser: torch.optim.Adam, name: str, tensors: dict[str, torch.Tensor]) -> None:
-    """The reverse of `_of_optimiser`, for one that has done a step."""
+    """The reverse of `_of_optimiser`; of what never had a gradient Adam remembers nothing."""
     whole = optimiser.state_dict()
     parameters = [each for group in optimiser.param_groups for each in group["params"]]
     whole["state"] = {
@@ -251,5 +257,6 @@ def _into_optimiser(optimiser: torch.optim.Adam, name: str, tensors: dict[str, t
             for key, shape in (("step", ()), ("exp_avg", each.shape), ("exp_avg_sq", each.shape))
         }
         for index, each in enumerate(parameters)
+        if f"{name}.{index}.step" in tensors
     }
     optimiser.load_state_dict(whole)

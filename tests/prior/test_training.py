@@ -144,12 +144,13 @@ def test_regularisers_like_small_offsets_even_use_and_decision():
     assert of(0.0, one_each, entropy=1.0) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_a_stopped_training_ends_as_one_that_was_not(tmp_path):
+@pytest.mark.parametrize("form", [Form.CODEBOOK, Form.DIRECT])
+def test_a_stopped_training_ends_as_one_that_was_not(tmp_path, form):
     names = ("a", "b")
     read = {name: lesson(name, random_linear(seed)) for seed, name in enumerate(names)}.__getitem__
 
     def new() -> Training:
-        return Training(network=StiffnessNetwork(Form.CODEBOOK, 4, spread(), seed=0), rate=1e-2)
+        return Training(network=StiffnessNetwork(form, 4, spread(), seed=0), rate=1e-2)
 
     whole = new()
     list(train(whole, names, read, passes=2, iterations=1, state=tmp_path / "whole"))
@@ -169,3 +170,16 @@ def test_the_state_of_another_network_is_refused(tmp_path):
     other = Training(network=StiffnessNetwork(Form.CODEBOOK, 8, spread(), seed=0))
     with pytest.raises(TwinError, match="damaged or of another network"):
         list(train(other, ("a",), chosen, passes=1, iterations=1, state=tmp_path / "state"))
+
+
+def test_the_state_of_other_lessons_is_refused(tmp_path):
+    read = {name: lesson(name, random_linear(0)) for name in ("a", "b")}.__getitem__
+
+    def new() -> Training:
+        return Training(network=StiffnessNetwork(Form.CODEBOOK, 4, spread(), seed=0))
+
+    list(train(new(), ("a", "b"), read, passes=1, iterations=1, state=tmp_path / "state"))
+    with pytest.raises(TwinError, match="of other lessons"):
+        list(train(new(), ("b", "a"), read, passes=1, iterations=1, state=tmp_path / "state"))
+    with pytest.raises(TwinError, match="more or fewer steps"):
+        list(train(new(), ("a", "b"), read, passes=1, iterations=2, state=tmp_path / "state"))

@@ -23,6 +23,11 @@ SMALLEST_OBJECT_M, LARGEST_OBJECT_M = 0.01, 5.0
 """Metres across: what hands handle on a table lies well between, in millimetres or kilometres it does not."""
 
 
+MOST_BELOW_TABLE_M, MOST_ABOVE_TABLE_M = 0.02, 0.1
+"""Metres by which all of an object at rest may lie below the table, and over it; of one that is larger, its size. A
+table that was found in pictures is a centimetre off, and of a tall thing the top may be all that is seen."""
+
+
 def require_fittable(episode: Episode) -> None:
     """Check that something can move the object, and that its size is one in metres.
 
@@ -88,6 +93,23 @@ def require_one_object(name: str, at_rest: np.ndarray) -> None:
             f"apart, where their neighbours are {100 * spacing:.0f} cm from each other; a twin is of one object: leave "
             "out the points of the others"
         )
+
+
+def require_on_table(name: str, at_rest: np.ndarray, ground_height: float) -> None:
+    """Check that points at rest [P, 3], metres, that no hand holds lie near the table.
+
+    Raises:
+        EpisodeError: they lie below it, or hover.
+    """
+    low, high = (float(each) - ground_height for each in np.percentile(at_rest[:, 2], [5, 95]))
+    size = float(np.linalg.norm(np.ptp(at_rest, axis=0)))
+    if high >= -MOST_BELOW_TABLE_M and low <= max(MOST_ABOVE_TABLE_M, size):
+        return
+    where = f"{-high:.2f} m below" if high < 0.0 else f"{low:.2f} m above"
+    raise EpisodeError(
+        f"{name}: the object rests {where} the table, which is taken to be at z = {ground_height:g} m; shift points "
+        "and hands so that the table is z = 0, or say that there is none (--no-table)"
+    )
 
 
 def object_size(episode: Episode) -> float:

@@ -9,7 +9,12 @@ from egophys_core.episode import Episode
 from egophys_core.errors import EpisodeError, OptionsError
 from egophys_core.kinds.kind import SeenMarkers
 from egophys_core.observation.at_rest import first_touch, from_rest, observed_at_rest, still_frames
-from egophys_core.observation.checks import require_fittable, require_one_clock, require_one_object
+from egophys_core.observation.checks import (
+    require_fittable,
+    require_on_table,
+    require_one_clock,
+    require_one_object,
+)
 from egophys_core.observation.contact import Contact, Hand, contact_flags, see_hands
 from egophys_core.observation.hanging import hangs_free, without_table
 from egophys_core.observation.marker_record import MOST_MARKERS, is_sparse, marker_record
@@ -76,8 +81,8 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
         load: N, the weight of what hangs at the free end of an object with markers.
 
     Raises:
-        EpisodeError: no controllers, points in another unit, of several objects or of a clock that is far from that of
-            the hands, or markers that are never seen all at once.
+        EpisodeError: no controllers, points in another unit, of several objects, far from the table or of a clock that
+            is far from that of the hands, or markers that are never seen all at once.
         OptionsError: a load that is none, or on what is seen all over.
     """
     if isinstance(episode, ObservedEpisode):
@@ -116,6 +121,8 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
     at_rest = observed_at_rest(shown, still)
     require_one_object(episode.name, at_rest)
     touched = first_touch(shown, seen_hands)
+    if touched > 0 and not hangs:
+        require_on_table(episode.name, at_rest, shown.ground_height)
     released = with_releases(shown, seen_hands.hands, seen_hands.delay)
     return ObservedEpisode(
         episode=released.episode,

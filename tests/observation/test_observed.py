@@ -152,3 +152,12 @@ def test_a_twin_of_markers_says_all_that_it_was_made_with():
     assert (settings["template"], settings["density"], settings["loads"]) == ("", 1200.0, {})
     assert (twin.provenance.seed, twin.provenance.parent_id) == (3, "0123456789abcdef")
     assert "generations" not in settings
+
+
+@pytest.mark.parametrize(("up", "words"), [(-1.0, "1.0. m below"), (-0.05, "0.0. m below"), (0.75, "0.7. m above")])
+def test_what_rests_far_from_the_table_is_refused(up, words):
+    episode = sheet_episode()
+    moved = replace(episode, points=episode.points + [0.0, 0.0, up], controllers=episode.controllers + [0.0, 0.0, up])
+    with pytest.raises(EpisodeError, match=f"{words} the table.*--no-table"):
+        observe_episode(moved)
+    assert observe_episode(replace(moved, no_table=True)).hangs

@@ -1,4 +1,4 @@
-"""An problem: what stays the same over the searches of a diagnosis."""
+"""A diagnosis problem: what stays the same over the searches of a diagnosis."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -79,13 +79,13 @@ def falls_in(observation: TrackedEpisode, *, lies_flat: bool) -> list[Fall]:
         fall
         for first in observation.falls
         if (frames := _frames_of_fall(observation, first)) is not None
-        and (halves := _halves(observation, frames, lies_flat=lies_flat)) is not None
+        and (halves := _halves_of_tracks(observation, frames, lies_flat=lies_flat)) is not None
         and (fall := _fall(halves)) is not None
     ]
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Halves:
+class _HalvesOfTracks:
     """What two halves of the tracks say of where something is that falls."""
 
     times: np.ndarray
@@ -123,7 +123,7 @@ def _tells(times: np.ndarray) -> bool:
     return bool(times.size >= FEWEST_FRAMES and np.ptp(times) >= LEAST_S)
 
 
-def _halves(observation: TrackedEpisode, frames: np.ndarray, *, lies_flat: bool) -> _Halves | None:
+def _halves_of_tracks(observation: TrackedEpisode, frames: np.ndarray, *, lies_flat: bool) -> _HalvesOfTracks | None:
     """The middle of the object in those of frames [F] in which enough of it is seen; None where these are too few, or
     a solid turns too far."""
     nodes, rest = observation.problem.start.astype(np.float64), observation.rest
@@ -140,7 +140,7 @@ def _halves(observation: TrackedEpisode, frames: np.ndarray, *, lies_flat: bool)
         normals, turned, swing = np.zeros((times.size, 3, 3)), _turned(places.mean(axis=0)), 1.0
     if turned > TURNS_RAD:
         return None
-    return _Halves(
+    return _HalvesOfTracks(
         times=times - times[0],
         middles=places.mean(axis=2),
         normals=normals,
@@ -155,7 +155,7 @@ def _turned(places: np.ndarray) -> float:
     return float(Rotation.from_matrix(turn).magnitude())
 
 
-def _fall(halves: _Halves) -> Fall | None:
+def _fall(halves: _HalvesOfTracks) -> Fall | None:
     """How something falls, as its halves tell it; None where it does not fall freely."""
     found = [motion_of(halves.times, each, halves.normals) for each in halves.middles]
     left = np.array([each for *_, each in found])

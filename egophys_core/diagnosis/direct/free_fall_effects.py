@@ -42,15 +42,15 @@ Values = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Halves:
-    """Halves of the tracks of falls, two by two; each counts as half a fall."""
+class HalvesOfFalls:
+    """HalvesOfFalls of the tracks of falls, two by two; each counts as half a fall."""
 
     motions: np.ndarray
     """[H, 5] how each fell, as in `Fall`."""
     whitening: np.ndarray
     """[H, 5, 5] that brings this to independent standard deviations."""
 
-    def taken(self, chosen: np.ndarray) -> "Halves":
+    def taken(self, chosen: np.ndarray) -> "HalvesOfFalls":
         """Some of them, by their indices."""
         return replace(self, motions=self.motions[chosen], whitening=self.whitening[chosen])
 
@@ -84,10 +84,10 @@ class FallFit:
 
 def free_fall_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredEffect]:
     """What falls tell of the effects of some names, where there is one."""
-    halves = _halves(recordings.fitted, lies_flat=recordings.lies_flat)
+    halves = _halves_of_falls(recordings.fitted, lies_flat=recordings.lies_flat)
     if halves is None:
         return []
-    checks = _halves(recordings.validation, lies_flat=recordings.lies_flat)
+    checks = _halves_of_falls(recordings.validation, lies_flat=recordings.lies_flat)
     best, others = _selected(halves, names, recordings)
     fits = {**dict.fromkeys(best.values, best), **others}
 
@@ -101,7 +101,7 @@ def free_fall_effects(names: Sequence[str], recordings: Recordings) -> list[Meas
     ]
 
 
-def _alike(shown: MeasuredEffect, fits: Mapping[str, FallFit], halves: Halves) -> dict[str, FallFit]:
+def _alike(shown: MeasuredEffect, fits: Mapping[str, FallFit], halves: HalvesOfFalls) -> dict[str, FallFit]:
     """Effects that explain what one that shows does, and the fits in which they take its place: those that are one
     thing with it, and those that gain about as much."""
     if not shown.shows:
@@ -122,7 +122,7 @@ def fall_limits(
     Args:
         needed: gain in log-likelihood from which an effect shows.
     """
-    halves = _halves(observations, lies_flat=lies_flat)
+    halves = _halves_of_falls(observations, lies_flat=lies_flat)
     if halves is None:
         return []
 
@@ -139,7 +139,7 @@ def measured_by_falls(names: Collection[str]) -> list[str]:
     return [name for name in names if Measurement.FREE_FALL in effect_named(name).traits.measured_by]
 
 
-def _halves(observations: Sequence[TrackedEpisode], *, lies_flat: bool) -> Halves | None:
+def _halves_of_falls(observations: Sequence[TrackedEpisode], *, lies_flat: bool) -> HalvesOfFalls | None:
     """Those of all falls of episodes that tell enough; None without one."""
     falls = [each for one in observations for each in falls_in(one, lies_flat=lies_flat)]
     if not falls:
@@ -148,10 +148,10 @@ def _halves(observations: Sequence[TrackedEpisode], *, lies_flat: bool) -> Halve
     noise = np.concatenate([each.covariances for each in falls])
     whitening = np.linalg.inv(np.linalg.cholesky(noise + np.diag(SPREAD**2)))
     if not lies_flat:
-        return Halves(motions=motions, whitening=whitening)
+        return HalvesOfFalls(motions=motions, whitening=whitening)
     told = (np.linalg.norm(whitening[:, :, :3], axis=1) >= 1.0 / LEAST_TOLD).all(axis=1)
     chosen = np.flatnonzero(np.repeat(told.reshape(-1, 2).all(axis=1), 2))
-    return Halves(motions=motions[chosen], whitening=whitening[chosen]) if len(chosen) else None
+    return HalvesOfFalls(motions=motions[chosen], whitening=whitening[chosen]) if len(chosen) else None
 
 
 def _motion(values: Values) -> np.ndarray:
@@ -160,7 +160,7 @@ def _motion(values: Values) -> np.ndarray:
     return np.asarray(sum(moved, np.zeros(5)))
 
 
-def _fit(halves: Halves, names: Sequence[str]) -> FallFit:
+def _fit(halves: HalvesOfFalls, names: Sequence[str]) -> FallFit:
     """Effects fitted together to falls."""
     parameters = [(name, each) for name in names for each in effect_named(name).parameters]
 
@@ -189,7 +189,9 @@ def _fit(halves: Halves, names: Sequence[str]) -> FallFit:
     )
 
 
-def _selected(halves: Halves, names: Sequence[str], recordings: Recordings) -> tuple[FallFit, dict[str, FallFit]]:
+def _selected(
+    halves: HalvesOfFalls, names: Sequence[str], recordings: Recordings
+) -> tuple[FallFit, dict[str, FallFit]]:
     """Forward selection: the fit with one effect after the other as long as one gains, and those with one more each."""
     needed, best = recordings.thresholds.measured_gain, _fit(halves, ())
     while left := [name for name in names if name not in best.values]:
@@ -201,7 +203,7 @@ def _selected(halves: Halves, names: Sequence[str], recordings: Recordings) -> t
     return best, {}
 
 
-def _worth(halves: Halves, fit: FallFit) -> float:
+def _worth(halves: HalvesOfFalls, fit: FallFit) -> float:
     """What a fit gains over none, less what so many parameters gain anyway: of a general effect and a special case that
     explains as much the special case is taken."""
     return float(halves.gains({}, fit.values).sum()) - PARAMETER_GAIN * sum(map(len, fit.values.values()))
@@ -210,8 +212,8 @@ def _worth(halves: Halves, fit: FallFit) -> float:
 def _measured(
     name: str,
     fit: FallFit,
-    halves: Halves,
-    validation: Halves | None,
+    halves: HalvesOfFalls,
+    validation: HalvesOfFalls | None,
     recordings: Recordings,
 ) -> MeasuredEffect:
     """One of the effects that falls were fitted with, held against the same fit without it."""

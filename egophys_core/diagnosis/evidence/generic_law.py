@@ -70,7 +70,7 @@ def find_law(
         results = residuals(observations, [_with_term(model, term) for term in TERMS])
     columns = np.stack(
         [
-            problem.column([(each[row] - baseline) / term.step for each, baseline in zip(results, found, strict=True)])
+            problem.column([(each[row] - without) / term.step for each, without in zip(results, found, strict=True)])
             for row, term in enumerate(TERMS)
         ],
         axis=1,

@@ -260,10 +260,10 @@ def _agree(problem: LinearProblem, model: ObjectModel, own: Sequence[FreeParamet
     alone = []
     for episode in episodes:
         rows = problem.episode == episode
-        baseline = trusted_columns(problem.baseline[rows, :first], TRUST).beside(
+        columns = trusted_columns(problem.baseline[rows, :first], TRUST).beside(
             free_columns(problem.baseline[rows, first:])
         )
-        alone.append(fit(problem.residual[rows], baseline, problem.scale)[sizes])
+        alone.append(fit(problem.residual[rows], columns, problem.scale)[sizes])
     # An episode has a share of the data, so its own error is larger by the root of their count.
     apart = np.ptp(alone, axis=0)
     alike = (apart <= AGREEMENT * np.sqrt(2 * len(episodes)) * spread + 1e-9).all()

@@ -202,20 +202,20 @@ def resampled_steps(problem: LinearProblem, *, resamples: int, seed: int) -> np.
     generator = np.random.default_rng(seed)
     blocks = np.unique(problem.block)
     # Blocks in pairs: a residual lasts longer than one of them.
-    weights_of = np.zeros((resamples, blocks.max() + 2))
+    counts = np.zeros((resamples, blocks.max() + 2))
     for row in range(resamples):
         chosen = generator.choice(blocks, size=(len(blocks) + 1) // 2)
-        np.add.at(weights_of[row], chosen, 1.0)
-        np.add.at(weights_of[row], np.minimum(chosen + 1, blocks.max()), 1.0)
+        np.add.at(counts[row], chosen, 1.0)
+        np.add.at(counts[row], np.minimum(chosen + 1, blocks.max()), 1.0)
     centre = fit(problem.residual, free_columns(columns), problem.scale)
     left = problem.residual + columns @ centre
     prior = np.eye(columns.shape[1]) / PRIOR_STEPS**2
-    baseline = 2.0 / (problem.scale**2 + left**2) / CORRELATED
+    weights = 2.0 / (problem.scale**2 + left**2) / CORRELATED
     found = np.empty((resamples, columns.shape[1]))
     for row in range(resamples):
-        weighted = columns * (baseline * weights_of[row, problem.block])[:, None]
+        weighted = columns * (weights * counts[row, problem.block])[:, None]
         found[row] = -np.linalg.solve(weighted.T @ columns + prior, weighted.T @ problem.residual)
     # Reweighted steps answer to a resample less than the optimum itself does: an M-estimator moves by its score over
     # the slope of the score, which is less than its weight (Huber, Robust Statistics, 1981, sec. 6.3).
-    slopes = baseline * (problem.scale**2 - left**2) / (problem.scale**2 + left**2)
-    return np.asarray(centre + (found - centre) * baseline.sum() / max(slopes.sum(), LEAST_SLOPE * baseline.sum()))
+    slopes = weights * (problem.scale**2 - left**2) / (problem.scale**2 + left**2)
+    return np.asarray(centre + (found - centre) * weights.sum() / max(slopes.sum(), LEAST_SLOPE * weights.sum()))

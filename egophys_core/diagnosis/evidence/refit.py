@@ -64,7 +64,7 @@ def cell_losses(residual: np.ndarray, scale: float) -> np.ndarray:
 
 
 def robust_loss(found: Sequence[np.ndarray], scale: float) -> float:
-    """Half the sum of log(1 + (e/s)^2) over independent residuals: a negative log-likelihood up to a constant."""
+    """Sum of log(1 + (e/s)^2) over independent residuals: Cauchy's negative log-likelihood up to a constant."""
     return float(sum(cell_losses(each, scale).sum() for each in found))
 
 

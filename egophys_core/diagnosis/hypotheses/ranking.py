@@ -157,8 +157,8 @@ def probe_effects(
             mine = [(next(rows), secant * _steps(effect, name, start)) for name in sizes_of(effect)]
             slopes.append(
                 [
-                    _finite(np.stack([(results[index][row] - baseline) / steps for row, steps in mine], axis=-1))
-                    for index, baseline in enumerate(found)
+                    _finite(np.stack([(results[index][row] - without) / steps for row, steps in mine], axis=-1))
+                    for index, without in enumerate(found)
                 ]
             )
         probes.extend(_probes(effect, starts[effect.name], shares, slopes))

@@ -58,9 +58,9 @@ def not_only_deflection(candidate: RefittedEffect, setting: Setting) -> Criterio
 
 def held_out_gain(candidate: RefittedEffect, setting: Setting) -> CriterionResult:
     """It gains enough on left-out stretches of time, by how it stands among others and how it could be validated."""
-    baseline, why = _asked_gain(candidate, setting)
+    alone, why = _asked_gain(candidate, setting)
     penalty = complexity_penalty(candidate, setting.thresholds)
-    needed = max(setting.thresholds.least_gain, baseline + penalty)
+    needed = max(setting.thresholds.least_gain, alone + penalty)
     if penalty:
         why += f" and {penalty:.0f} are for its {len(candidate.parameters)} parameters"
     if setting.beside_named and needed < setting.thresholds.second_gain:

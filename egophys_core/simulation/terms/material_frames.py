@@ -1,4 +1,4 @@
-"""How the material frames of a rod are turned about its line, and how that curvatures the line.
+"""How the material frames of a rod are turned about its line, and how that bends the line.
 
 What was kept on a coil has an intrinsic curvature, to one of its own sides. Where that side points is told by its
 clamps, and by twist, which bends a line that is bent already, too. Twist is settled long before a line has moved

@@ -2,11 +2,37 @@
 
 import json
 import os
+import re
 import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from egophys_core.errors import OutputError
+
+HEAD_BYTES = 4096
+"""Of a file, by which its kind is told."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileKind:
+    """A kind of file that is written here, and how it is told from files of other kinds."""
+
+    name: str
+    """With its article, for messages: `a twin`."""
+    head: bytes
+    """Regular expression for the first bytes."""
+
+    def fits(self, path: Path) -> bool:
+        """Whether a file is of this kind; an empty one, in which nothing is lost, is of any.
+
+        Raises:
+            OSError: it cannot be read.
+        """
+        with path.open("rb") as stream:
+            head = stream.read(HEAD_BYTES)
+        return not head or re.match(self.head, head, re.DOTALL | re.MULTILINE) is not None
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -45,11 +71,17 @@ def write_json(path: Path, content: Any) -> None:
     write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())
 
 
-def require_writable(path: Path) -> None:
+def require_writable(path: Path, kind: FileKind, *, inputs: Iterable[Path] = ()) -> None:
     """Check that a file can be written, before the work that makes its content.
 
+    Args:
+        path: the file.
+        kind: of what is written: a file that is there is replaced only by one of its kind.
+        inputs: files and folders that the content is made from.
+
     Raises:
-        OutputError: its folder does not exist or may not be written to, or it is a folder itself.
+        OutputError: its folder does not exist or may not be written to, it is a folder itself, an input, within an
+            input, or a file of another kind.
     """
     if not path.parent.is_dir():
         raise OutputError(f"cannot write {path}: folder {path.parent} does not exist; create it first")
@@ -57,3 +89,34 @@ def require_writable(path: Path) -> None:
         raise OutputError(f"cannot write {path}: no right to write in {path.parent}")
     if not path.name or path.is_dir():
         raise OutputError(f"cannot write {path}: it is a folder; give a file name")
+    require_apart(path, inputs)
+    if path.exists():
+        _require_kind(path, kind)
+
+
+def require_apart(path: Path, inputs: Iterable[Path]) -> None:
+    """Check that what is written is nothing that it is made from, nor within a folder of it.
+
+    Raises:
+        OutputError: it is.
+    """
+    final = Path(os.path.realpath(path))
+    for each in inputs:
+        read = Path(os.path.realpath(each))
+        if final == read:
+            raise OutputError(f"cannot write {path}: it is read by the same command; choose another name")
+        if read in final.parents:
+            raise OutputError(
+                f"cannot write {path}: it is in {each}, which is read by the same command; choose a place outside"
+            )
+
+
+def _require_kind(path: Path, kind: FileKind) -> None:
+    try:
+        fits = path.is_file() and kind.fits(path)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: it is there and cannot be read: {error.strerror}") from error
+    if not fits:
+        raise OutputError(
+            f"cannot write {path}: it is there already and is not {kind.name}; choose another name or move it away"
+        )

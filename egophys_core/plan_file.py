@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.errors import PlanningError
-from egophys_core.files import write_json
+from egophys_core.files import FileKind, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.waypoint_plan import WaypointPlan
 
@@ -22,6 +22,8 @@ ARRAYS = {
     "gripper_opening_m": "gripper_opening",
 }
 """Keys of the file and the fields of `WaypointPlan` they hold."""
+
+PLAN_FILE = FileKind(name="a plan", head=rb'\s*\{.*"stamp_ns":')
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from egophys_core.errors import OutputError
-from egophys_core.files import require_writable, write_atomically, write_json
+from egophys_core.files import FileKind, require_writable, write_atomically, write_json
 
 
 def test_content_is_written_and_replaced(tmp_path):
@@ -55,13 +55,35 @@ def test_missing_folder_is_an_oserror(tmp_path):
 
 
 def test_place_for_a_result_is_checked_before_the_work(tmp_path):
-    require_writable(tmp_path / "it")
-    write_atomically(tmp_path / "it", b"one")
-    require_writable(tmp_path / "it")
+    kind = FileKind(name="a list", head=rb"\[")
+    require_writable(tmp_path / "it", kind)
+    write_atomically(tmp_path / "it", b"[1]")
+    require_writable(tmp_path / "it", kind)
     with pytest.raises(OutputError, match=r"folder .*nowhere does not exist; create it first"):
-        require_writable(tmp_path / "nowhere" / "it")
+        require_writable(tmp_path / "nowhere" / "it", kind)
     with pytest.raises(OutputError, match="it is a folder; give a file name"):
-        require_writable(tmp_path)
+        require_writable(tmp_path, kind)
+
+
+def test_result_replaces_neither_what_it_is_made_from_nor_another_kind_of_file(tmp_path):
+    kind = FileKind(name="a list", head=rb"\[")
+    path, folder = tmp_path / "it", tmp_path / "read"
+    folder.mkdir()
+    (tmp_path / "link").symlink_to(folder)
+    for inside in (folder / "it", tmp_path / "link" / "it", tmp_path / "read" / ".." / "read" / "it"):
+        with pytest.raises(OutputError, match=r"is in .*read, which is read by the same command; choose a place out"):
+            require_writable(inside, kind, inputs=[folder])
+    with pytest.raises(OutputError, match="it is read by the same command; choose another name"):
+        require_writable(path, kind, inputs=[folder, tmp_path / "read" / ".." / "it"])
+    for content in (b"", b"[1]"):
+        path.write_bytes(content)
+        require_writable(path, kind, inputs=[folder])
+    path.write_bytes(b"notes")
+    with pytest.raises(OutputError, match="it is there already and is not a list; choose another name or move it aw"):
+        require_writable(path, kind)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OutputError, match="is not a list"):
+        require_writable(tmp_path / "pipe", kind)
 
 
 def test_killed_writer_leaves_a_whole_file(tmp_path):

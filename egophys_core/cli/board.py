@@ -21,10 +21,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Draw and write."""
     # OpenCV takes an eighth of a second to load; the other subcommands do without.
-    from egophys_core.perception.camera.board_sheet import Paper, board_pdf
+    from egophys_core.perception.camera.board_sheet import BOARD_FILE, Paper, board_pdf
 
     board = board_from(parsed)
-    require_writable(parsed.out)
+    require_writable(parsed.out, BOARD_FILE)
     write_atomically(parsed.out, board_pdf(board, Paper(parsed.paper)))
     width, height = (1000 * extent for extent in board.size)
     if parsed.json:

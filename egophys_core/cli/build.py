@@ -46,13 +46,15 @@ def run(parsed: argparse.Namespace) -> int:
     """Build and save."""
     from egophys_core.episode_source import PERCEPTION_SHARE, EpisodeSource, Source, is_video, load_episodes
     from egophys_core.identification import beside_baselines, build
+    from egophys_core.identification.search_state import SEARCH_FILE
     from egophys_core.observation import observe_episodes
-    from egophys_core.twin import save_twin
+    from egophys_core.twin import TWIN_FILE, save_twin
 
     options = options_from(parsed, FitOptions)
-    require_writable(parsed.out)
-    if parsed.checkpoint is not None:
-        require_writable(parsed.checkpoint)
+    kept = [] if parsed.checkpoint is None else [parsed.checkpoint]
+    for path in kept:
+        require_writable(path, SEARCH_FILE, inputs=parsed.episodes)
+    require_writable(parsed.out, TWIN_FILE, inputs=[*parsed.episodes, *kept])
     if parsed.object is not None and len(parsed.episodes) > 1:
         raise OptionsError("--object is a place in one video; perceive each of several by itself and build from those")
     options_of_video = with_object(PerceptionOptions(), parsed.object)

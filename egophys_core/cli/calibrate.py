@@ -39,9 +39,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Fit, write, and tell how good it is."""
-    from egophys_core.robot import Calibration, FitQuality, Transform, fit_world_to_base, read_touched_pairs
+    from egophys_core.robot import (
+        CALIBRATION_FILE,
+        Calibration,
+        FitQuality,
+        Transform,
+        fit_world_to_base,
+        read_touched_pairs,
+    )
 
-    require_writable(parsed.out)
+    require_writable(parsed.out, CALIBRATION_FILE, inputs=[parsed.pairs])
     pairs = read_touched_pairs(parsed.pairs, lambda tag, corner: board_from(parsed).corner_in_world(tag, corner))
     fit = fit_world_to_base(pairs.world, pairs.base, names=pairs.names)
     former = parsed.tool_from or (parsed.out if parsed.out.exists() else None)

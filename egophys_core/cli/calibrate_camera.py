@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import Report, print_json, print_remarks, progress_bar
-from egophys_core.cli.import_ import add_source_arguments
+from egophys_core.cli.import_ import add_source_arguments, source_paths
 from egophys_core.files import require_writable, write_atomically
 
 if TYPE_CHECKING:
@@ -44,12 +44,12 @@ def run(parsed: argparse.Namespace) -> int:
     """Calibrate."""
     from egophys_core.perception.camera.calibration_verdict import focal_deviation, judge_calibration
     from egophys_core.perception.camera.frame_source import open_frames
-    from egophys_core.perception.camera.intrinsics_file import Intrinsics, intrinsics_text
+    from egophys_core.perception.camera.intrinsics_file import INTRINSICS_FILE, Intrinsics, intrinsics_text
     from egophys_core.perception.camera.lens import DistortionModel
     from egophys_core.perception.camera.lens_calibration import calibrate, choose_views
 
     board = board_from(parsed)
-    require_writable(parsed.out)
+    require_writable(parsed.out, INTRINSICS_FILE, inputs=source_paths(parsed))
     source = open_frames(parsed.video, rate_hz=parsed.rate, times=parsed.times, image_topic=parsed.image_topic)
     size = (source.width, source.height)
     with progress_bar() as report:

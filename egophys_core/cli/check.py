@@ -8,16 +8,21 @@ from typing import TYPE_CHECKING
 
 from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import print_json, print_remarks, progress_bar
-from egophys_core.cli.import_ import add_source_arguments
+from egophys_core.cli.import_ import add_source_arguments, source_paths
 from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.perceive import add_topic_arguments
-from egophys_core.files import require_writable, write_atomically
+from egophys_core.files import FileKind, require_writable, write_atomically
 from egophys_core.perception.options import PerceptionOptions
 
 if TYPE_CHECKING:
     from egophys_core.perception.check.check_video import Checked
     from egophys_core.perception.check.watching import Watched
 
+JPEG, PNG = (
+    FileKind(name=f"a {name} picture", head=head) for name, head in (("JPEG", rb"\xff\xd8"), ("PNG", rb"\x89PNG"))
+)
+PICTURES = {".jpg": JPEG, ".jpeg": JPEG, ".png": PNG}
+"""By extension."""
 SHARES = {"tags": (0.0, 0.5), "hands": (0.5, 1.0)}
 """Where the stages begin and end on the bar."""
 
@@ -53,9 +58,10 @@ def run(parsed: argparse.Namespace) -> int:
     began = time.perf_counter()
     options = with_object(PerceptionOptions(), parsed.object)
     if parsed.out is not None:
-        require_writable(parsed.out)
-        if parsed.out.suffix.lower() not in (".jpg", ".jpeg", ".png"):
+        kind = PICTURES.get(parsed.out.suffix.lower())
+        if kind is None:
             raise OptionsError(f"--out must end in .jpg or .png, got {parsed.out}")
+        require_writable(parsed.out, kind, inputs=source_paths(parsed))
     notes: list[str] = []
     # The matrices are small: threads of the linear algebra wait for each other longer than they work.
     with progress_bar() as report, threadpool_limits(1), warnings.catch_warnings(record=True) as caught:

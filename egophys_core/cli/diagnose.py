@@ -13,6 +13,7 @@ from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.errors import OptionsError
+from egophys_core.files import require_apart
 
 if TYPE_CHECKING:
     from egophys_core.diagnosis.diagnosis import Diagnosis
@@ -69,6 +70,7 @@ def run(parsed: argparse.Namespace) -> int:
         effect_named(name)
     if (parsed.ask > 0) != (parsed.world is not None) or parsed.ask < 0:
         raise OptionsError("--ask N and --world DIR go together: how often to ask, and where motions are done")
+    require_apart(parsed.out, [*parsed.episodes, *parsed.report_on])
     require_new_folder(parsed.out)
     recorded = parsed.out.with_name(f"{parsed.out.name}_asked")
     if parsed.ask:

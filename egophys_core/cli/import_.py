@@ -6,6 +6,7 @@ from pathlib import Path
 
 from egophys_core.cli.display import print_json, progress_bar
 from egophys_core.errors import OptionsError
+from egophys_core.files import require_apart
 
 CAMERA_LABEL = "camera-rgb"
 """That of `import_vrs`, which is not loaded for `--help`."""
@@ -51,8 +52,15 @@ def add_source_arguments(parser: argparse.ArgumentParser, *, intrinsics: bool = 
     group.add_argument("--times", type=Path, metavar="FILE", help="time of each picture in a folder, seconds, by line")
 
 
+def source_paths(parsed: argparse.Namespace) -> list[Path]:
+    """The video, and the files given with `add_source_arguments`."""
+    given = (parsed.video, parsed.times, getattr(parsed, "intrinsics", None))
+    return [each for each in given if each is not None]
+
+
 def run(parsed: argparse.Namespace) -> int:
     """Import."""
+    require_apart(parsed.out, source_paths(parsed))
     is_vrs = parsed.video.suffix.lower() == ".vrs"
     of_vrs, of_others = ("camera", "size", "focal_length", "quarter_turns"), ("intrinsics", "rate", "times")
     for name in of_others if is_vrs else of_vrs:

@@ -17,7 +17,7 @@ from egophys_core.cli.display import Report, print_json, print_remarks, print_ta
 from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import OutputError
-from egophys_core.files import write_atomically, write_json
+from egophys_core.files import require_apart, write_atomically, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.options import to_mapping
 from egophys_core.perception.options import PerceptionOptions
@@ -60,6 +60,7 @@ def add_topic_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Perceive and write."""
     options, board = with_object(options_from(parsed, PerceptionOptions), parsed.object), board_from(parsed)
+    require_apart(parsed.out, [parsed.bag])
     with _new_folder(parsed.out) as folder, progress_bar() as report:
         began = time.perf_counter()
         topics = {"image_topic": parsed.image_topic, "info_topic": parsed.info_topic}

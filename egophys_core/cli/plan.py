@@ -38,10 +38,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Plan and write; 1 if the plan does not reach its target."""
-    from egophys_core.plan_file import PlanFile, write_plan
+    from egophys_core.plan_file import PLAN_FILE, PlanFile, write_plan
     from egophys_core.planning import (
         grasp_from_points,
         parse_target,
+        path_and_frame,
         plan_to_target,
         start_of_source,
         start_of_twin,
@@ -50,10 +51,11 @@ def run(parsed: argparse.Namespace) -> int:
     )
     from egophys_core.twin import load_twin
 
-    require_writable(parsed.out)
     given = {name: getattr(parsed, name) for name in ("translate", "rotate")}
     edits = [f"{name}={','.join(map(str, values))}" for name, values in given.items() if values]
     wanted = parse_target(" ".join([parsed.target, *edits]))
+    read = [path_and_frame(each)[0] for each in (wanted.source, parsed.start) if each]
+    require_writable(parsed.out, PLAN_FILE, inputs=[parsed.twin, *read])
     options, twin = options_from(parsed, PlanOptions), load_twin(parsed.twin)
     start = start_of_source(parsed.start, twin) if parsed.start else start_of_twin(twin)
     target = target_points(wanted, start.surface(twin))

@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from egophys_core.cli.marker_arguments import add_load_argument, load_of
+from egophys_core.files import require_apart
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,6 +25,7 @@ def run(parsed: argparse.Namespace) -> int:
     from egophys_core.recording import read_episode, write_episode
     from egophys_core.twin import load_twin
 
+    require_apart(parsed.out, [parsed.episode])
     twin, episode = load_twin(parsed.twin), read_episode(parsed.episode)
     problem = place_twin(twin, episode, load=load_of(parsed.load, episode.name))
     surface = predict(twin.model, problem)[:, twin.model.graph.surface]

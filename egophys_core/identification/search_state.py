@@ -18,7 +18,7 @@ import numpy as np
 
 from egophys_core import __version__
 from egophys_core.errors import OutputError, TwinError
-from egophys_core.files import write_atomically
+from egophys_core.files import FileKind, write_atomically
 from egophys_core.identification.options import FitOptions
 from egophys_core.kinds import kind_named
 from egophys_core.kinds.kind import RestShape
@@ -28,6 +28,9 @@ from egophys_core.twin import Codebook
 
 FORMAT_VERSION = 1
 """Raised when a reader of the previous version would misread the file."""
+
+SEARCH_FILE = FileKind(name="the state of a search", head=rb"PK\x03\x04.{26}header\.npy.*\"identity\"")
+"""As a twin, an archive that begins with a header."""
 
 START_ANEW = "name another file, or remove this one to start anew"
 

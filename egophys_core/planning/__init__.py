@@ -6,6 +6,7 @@ from egophys_core.on_demand import names_on_demand
 from egophys_core.planning.options import PlanOptions
 
 if TYPE_CHECKING:
+    from egophys_core.planning.bag_frame import path_and_frame
     from egophys_core.planning.forward import final_shapes, rollout_plans, shape_costs, twin_costs
     from egophys_core.planning.grasp import Grasp, controls_of_plan, grasp_from_points
     from egophys_core.planning.mppi import ForwardModel, plan_to_target
@@ -25,6 +26,7 @@ __all__ = [
     "final_shapes",
     "grasp_from_points",
     "parse_target",
+    "path_and_frame",
     "plan_to_target",
     "rollout_plans",
     "shape_costs",
@@ -34,4 +36,4 @@ __all__ = [
     "twin_costs",
 ]
 
-__getattr__ = names_on_demand(__name__, "forward", "grasp", "mppi", "start", "start_source", "target")
+__getattr__ = names_on_demand(__name__, "bag_frame", "forward", "grasp", "mppi", "start", "start_source", "target")

@@ -2,7 +2,7 @@
 
 from egophys_core.robot.arm_driver import ArmDriver, ArmIdentity, ArmState, load_driver
 from egophys_core.robot.arm_link import ArmLink, LinkEvents
-from egophys_core.robot.calibration import Calibration, CalibrationRecord
+from egophys_core.robot.calibration import CALIBRATION_FILE, Calibration, CalibrationRecord
 from egophys_core.robot.calibration_fit import FitQuality, FitReport, fit_world_to_base
 from egophys_core.robot.executed import ExecutedMotion
 from egophys_core.robot.execution import Clock, PlanExecutor
@@ -14,6 +14,7 @@ from egophys_core.robot.plan_origin import Origin, check_origin
 from egophys_core.robot.touched_pairs import TouchedPairs, read_touched_pairs
 
 __all__ = [
+    "CALIBRATION_FILE",
     "ArmDriver",
     "ArmIdentity",
     "ArmLink",

@@ -8,12 +8,14 @@ import numpy as np
 import yaml
 
 from egophys_core.errors import RobotError
-from egophys_core.files import write_atomically
+from egophys_core.files import FileKind, write_atomically
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.yaml_mapping import check_keys, load_mapping, number_array
 
 UNIT_QUATERNION_TOLERANCE = 1e-3
 """How far a hand-written quaternion's length may be from 1; three printed decimals pass."""
+
+CALIBRATION_FILE = FileKind(name="a calibration of the robot", head=rb".*^world_to_base:")
 
 
 @dataclass(frozen=True, kw_only=True)

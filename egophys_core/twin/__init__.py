@@ -6,11 +6,12 @@ from egophys_core.twin.graph import SpringGraph, SpringKind, bridge_components, 
 from egophys_core.twin.model import ObjectModel, chain, per_kind
 from egophys_core.twin.parameters import GRAVITY, PhysicalParameters
 from egophys_core.twin.spring_features import static_features
-from egophys_core.twin.storage import decode_twin, encode_twin, load_twin, save_twin
+from egophys_core.twin.storage import TWIN_FILE, decode_twin, encode_twin, load_twin, save_twin
 from egophys_core.twin.twin import Provenance, Twin
 
 __all__ = [
     "GRAVITY",
+    "TWIN_FILE",
     "Codebook",
     "ObjectModel",
     "PhysicalParameters",

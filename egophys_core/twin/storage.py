@@ -10,7 +10,7 @@ import numpy as np
 
 from egophys_core.effects import TwinEffect, effect_named
 from egophys_core.errors import TwinError
-from egophys_core.files import write_atomically
+from egophys_core.files import FileKind, write_atomically
 from egophys_core.twin.codebook import Codebook
 from egophys_core.twin.graph import SpringGraph
 from egophys_core.twin.model import ObjectModel
@@ -21,6 +21,9 @@ FORMAT_VERSION = 2
 """Raised when a reader of the previous version would misread the file. 2 added effects."""
 
 READABLE = (1, 2)
+
+TWIN_FILE = FileKind(name="a twin", head=rb"PK\x03\x04.{26}header\.npy.*\"ground_height\"")
+"""An archive whose first member is the header of a twin."""
 
 
 def encode_twin(twin: Twin) -> bytes:

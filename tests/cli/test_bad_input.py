@@ -38,6 +38,46 @@ def test_missing_folder_for_the_twin_is_found_before_the_fit(egophys, episode_ba
     refused(egophys("build", episode_bag, "--out", tmp_path, "--generations", "1000"), tmp_path, "is a folder")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        ("build {mcap} --out {mcap}", "read by the same command"),
+        ("build {bag} --out {bag}/t.twin", "read by the same command"),
+        ("build {bag} --out {new} --checkpoint {new}", "read by the same command"),
+        ("build {bag} --out {new} --checkpoint {mcap}", ""),
+        ("build {mcap} --out {new} --checkpoint {mcap}", "read by the same command"),
+        ("build {bag} --out {notes}", "is not a twin"),
+        ("plan {twin} --translate 0.05 0 0 --out {twin}", "read by the same command"),
+        ("plan {twin} --target {bag}@3 --out {bag}/plan.json", "read by the same command"),
+        ("plan {twin} --translate 0.05 0 0 --start {notes} --out {notes}", "read by the same command"),
+        ("plan {twin} --translate 0.05 0 0 --out {notes}", "is not a plan"),
+        ("simulate {twin} {bag} --out {bag}/new", "read by the same command"),
+        ("diagnose {twin} {bag} --out {bag}/new", "read by the same command"),
+        ("perceive {bag} --out {bag}/new", "read by the same command"),
+        ("import {bag} --out {bag}/new", "read by the same command"),
+        ("check {bag} --out {bag}/0.png", "read by the same command"),
+        ("check {bag} --out {notes}", "must end in .jpg or .png"),
+        ("check {bag} --out {picture}", "is not a PNG picture"),
+        ("calibrate {notes} --out {notes}", "read by the same command"),
+        ("calibrate {bag} --out {notes}", "is not a calibration of the robot"),
+        ("calibrate-camera {bag} --out {notes}", "is not a calibration of a camera"),
+        ("calibrate-camera {notes} --out {notes}", "read by the same command"),
+        ("board --out {notes}", "is not a board"),
+    ],
+)
+def test_output_replaces_neither_an_input_nor_another_file(egophys, episode_bag, twin_file, tmp_path, arguments, part):
+    bag = tmp_path / "towel"
+    shutil.copytree(episode_bag, bag)
+    files = {"twin": tmp_path / "t.twin", "notes": tmp_path / "notes.txt", "picture": tmp_path / "p.png"}
+    shutil.copy(twin_file, files["twin"])
+    files["notes"].write_text("buy milk")
+    files["picture"].write_text("buy milk")
+    places = {**files, "bag": bag, "mcap": next(bag.glob("*.mcap")), "new": tmp_path / "new"}
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    refused(egophys(*arguments.format(**places).split()), part)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
 def test_checkpoint_that_cannot_be_used_is_found_before_the_fit(egophys, episode_bag, twin_file, tmp_path):
     def build(checkpoint, *more):
         arguments = ["--out", tmp_path / "t.twin", "--generations", "1000", "--checkpoint", checkpoint, *more]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from egophys_core.errors import OptionsError
+from egophys_core.files import FileKind
 from egophys_core.perception.camera.board import Board
 
 if TYPE_CHECKING:
@@ -54,6 +55,10 @@ def black_rectangles(board: Board) -> np.ndarray:
             for start, length in _runs(line)
         ]
     )
+
+
+BOARD_FILE = FileKind(name="a board that this wrote", head=rb"%PDF-1\.4\n%\xac\xdc \xab\xba")
+"""A PDF of matplotlib."""
 
 
 def board_pdf(board: Board, paper: Paper = Paper.A3) -> bytes:

@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 
 from egophys_core.errors import EpisodeError, RecordingError
+from egophys_core.files import FileKind
 from egophys_core.perception.camera.frame_source import FrameSource
 from egophys_core.perception.camera.lens import Camera, DistortionModel, turned_matrix
 
@@ -64,6 +65,9 @@ def read_intrinsics(path: Path | str) -> Intrinsics:
         raise EpisodeError(f"{path}: {error}") from error
     except (TypeError, ValueError) as error:
         raise RecordingError(f"{path}: not the numbers of a camera calibration: {error}") from error
+
+
+INTRINSICS_FILE = FileKind(name="a calibration of a camera", head=rb".*^camera_matrix:")
 
 
 def intrinsics_text(intrinsics: Intrinsics, *, name: str = "ego", comment: str = "") -> str:

@@ -9,7 +9,7 @@ from egophys_core.files import require_writable
 from egophys_core.identification import FitOptions, Progress, beside_baselines, build
 from egophys_core.observation import observe_episodes
 from egophys_core.recording import list_topics
-from egophys_core.twin import Twin, save_twin
+from egophys_core.twin import TWIN_FILE, Twin, save_twin
 from egophys_twin.recorded_topics import source_in
 from egophys_twin.recordings import loads_by_name, recorded_episodes, require_loads, require_recordings
 
@@ -42,7 +42,7 @@ class BuildRequest:
         """
         require_recordings(self.episode_paths, self.source, namespace=self.namespace)
         require_loads(self.loads, self.episode_paths)
-        require_writable(self.output_path)
+        require_writable(self.output_path, TWIN_FILE, inputs=self.episode_paths)
 
 
 @dataclass(frozen=True, kw_only=True)

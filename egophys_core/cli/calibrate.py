@@ -33,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="YAML",
         help="calibration file to take the pose of the tool from (default: the file at --out, if there is one)",
     )
+    parser.add_argument("--force", action="store_true", help="also write a calibration that is poor")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
     add_board_arguments(parser, prefix="board-", placed=True)
 
@@ -54,14 +55,18 @@ def run(parsed: argparse.Namespace) -> int:
     former = parsed.tool_from or (parsed.out if parsed.out.exists() else None)
     tool = Calibration.load(former).tool if former else Transform.identity()
     record = _record(pairs.names, fit)
-    Calibration(world_to_base=fit.world_to_base, tool=tool, record=record).save(parsed.out)
+    written = fit.quality != FitQuality.POOR or parsed.force
+    if written:
+        Calibration(world_to_base=fit.world_to_base, tool=tool, record=record).save(parsed.out)
     if parsed.json:
         content = record.to_mapping() | {"quality": str(fit.quality), "expected_error_m": fit.expected_error}
-        print_json({"calibration": str(parsed.out), "tool_from": former and str(former), **content})
+        print_json(
+            {"calibration": str(parsed.out) if written else None, "tool_from": former and str(former), **content}
+        )
     else:
         _show(pairs.names, fit)
         kept = f"tool as in {former}" if former else "no tool: planned poses are those of the controller's TCP"
-        print(f"written to {parsed.out}; {kept}")
+        print(f"written to {parsed.out}; {kept}" if written else "not written; --force writes it all the same")
     return 1 if fit.quality == FitQuality.POOR else 0
 
 

@@ -205,6 +205,22 @@ def test_calibrate_writes_the_file_of_the_bridge_and_keeps_its_tool(tmp_path, ca
     np.testing.assert_allclose(Calibration.load(other).tool.translation, TOOL.translation)
 
 
+def test_a_poor_calibration_replaces_a_good_one_only_if_forced(tmp_path, capsys):
+    out = tmp_path / "world_to_base.yaml"
+    Calibration(world_to_base=WORLD_TO_BASE, tool=TOOL).save(out)
+    good = out.read_bytes()
+    base = 1000 * WORLD_TO_BASE.apply(POINTS)
+    base[2, 0] += 30
+    calibrate = ["calibrate", str(write_pairs(tmp_path / "pairs.csv", np.hstack([POINTS, base]))), "--out", str(out)]
+    assert main(calibrate) == 1
+    assert "not written; --force writes it all the same" in capsys.readouterr().out
+    assert main([*calibrate, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["calibration"] is None
+    assert out.read_bytes() == good
+    assert main([*calibrate, "--force"]) == 1
+    assert Calibration.load(out).record is not None
+
+
 def test_calibrate_takes_corners_of_the_printed_board(tmp_path, capsys):
     # The default board: 60 mm tags, 15 mm apart, the first corner at (-0.1425, 0.435, 0.001), rows towards -y.
     corners = {(0, 0): (-0.1425, 0.435), (3, 1): (0.1425, 0.435), (8, 3): (-0.1425, 0.225), (11, 2): (0.1425, 0.225)}

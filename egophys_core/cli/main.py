@@ -9,6 +9,7 @@ import difflib
 import importlib
 import keyword
 import os
+import signal
 import sys
 import warnings
 from collections.abc import Sequence
@@ -43,23 +44,25 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand.
 
     Returns:
-        0 good, 1 a finding (a replay that differs), 2 bad input, 130 stopped by Ctrl-C, 141 nobody reads the output any
-        more, as after `| head`.
+        0 good, 1 a finding (a replay that differs), 2 bad input, 130 stopped by Ctrl-C or SIGTERM, 141 nobody reads the
+        output any more, as after `| head`.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     # No option stands before the subcommand but --help and --version, which have no values.
     command = next((word for word in words if not word.startswith("-")), "")
-    parsed = make_parser(command).parse_args(words)
     warnings.showwarning = _show_warning
+    # As Ctrl-C, so that what is half written is removed.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
+        parsed = make_parser(command).parse_args(words)
         code = int(parsed.run(parsed))
         sys.stdout.flush()
         return code
     except EgophysError as error:
-        print(f"egophys {parsed.command}: {error}", file=sys.stderr)
+        print(f"egophys {command}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(f"egophys {parsed.command}: stopped; nothing was written", file=sys.stderr)
+        print(f"egophys {command}: stopped; nothing was written", file=sys.stderr)
         return 130
     except BrokenPipeError:
         # Python writes what is left once more as it ends.

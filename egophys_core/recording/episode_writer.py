@@ -8,6 +8,7 @@ from egophys_core.episode import WORLD_FRAME, Episode
 from egophys_core.recording.bag_metadata import SENSOR_QOS
 from egophys_core.recording.episode_reader import CONTROLLER_TOPIC, OBJECT_TOPIC
 from egophys_core.recording.log_writer import LogWriter
+from egophys_core.recording.new_bag import new_bag
 from egophys_core.recording.pointcloud import POINTCLOUD2, encode_points
 
 
@@ -20,7 +21,7 @@ def write_episode(
     controller_topic: str = CONTROLLER_TOPIC,
     frame: str = WORLD_FRAME,
 ) -> None:
-    """Write an episode as a rosbag2 MCAP folder; points not seen are left out of their message.
+    """Write an episode as a rosbag2 MCAP folder, whole or not at all; points not seen are left out of their message.
 
     The bag does not hold the episode's name and ground height.
 
@@ -38,7 +39,7 @@ def write_episode(
     stamps_ns = start_ns + np.rint(episode.times * 1e9).astype(np.int64)
     certain = np.ones(len(episode.controller_ids), np.float32)
     seen = episode.visible & (episode.confidence > 0)
-    with LogWriter(folder) as log:
+    with new_bag(Path(folder)) as part, LogWriter(part) as log:
         log.add_topic(object_topic, POINTCLOUD2, SENSOR_QOS)
         log.add_topic(controller_topic, POINTCLOUD2, SENSOR_QOS)
         for index, stamp_ns in enumerate(stamps_ns.tolist()):

@@ -1,4 +1,4 @@
-"""A bag that stands at its place whole, or not at all; for imports, where a part of it is worth nothing."""
+"""A bag that stands at its place whole, or not at all; for what is not recorded live: a part of it is worth nothing."""
 
 import os
 import shutil

@@ -3,12 +3,13 @@
 import dataclasses
 import os
 import shutil
+import signal
 import warnings
 
 import numpy as np
 import pytest
 
-from egophys_core.recording import write_episode
+from egophys_core.recording import episode_writer, write_episode
 from egophys_core.twin import load_twin, save_twin
 from tests.cli.conftest import FAST_FIT, FAST_PLAN
 from tests.identification.synthetic import sheet_episode
@@ -218,6 +219,26 @@ def test_wrong_arguments_show_the_usage(egophys, arguments):
     assert code == 2
     assert out == ""
     assert err.startswith("usage: egophys")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stop_in_the_middle_of_writing_leaves_nothing(egophys, twin_file, episode_bag, tmp_path, monkeypatch, number):
+    encode = episode_writer.encode_points
+
+    def stopped(*, stamp_ns: int, **arguments: object) -> bytes:
+        if stamp_ns:
+            os.kill(os.getpid(), number)
+        return encode(stamp_ns=stamp_ns, **arguments)
+
+    monkeypatch.setattr(episode_writer, "encode_points", stopped)
+    code, out, err = egophys("simulate", twin_file, episode_bag, "--out", tmp_path / "bag")
+    assert (code, out, err) == (130, "", "egophys simulate: stopped; nothing was written\n")
+    assert os.listdir(tmp_path) == []
+
+
+def test_stop_while_a_subcommand_is_loaded(egophys, monkeypatch):
+    monkeypatch.setattr("importlib.import_module", lambda name: os.kill(os.getpid(), signal.SIGINT))
+    assert egophys("info", "x") == (130, "", "egophys info: stopped; nothing was written\n")
 
 
 def test_stop_by_the_user_is_no_error_and_writes_nothing(egophys, episode_bag, tmp_path, monkeypatch):

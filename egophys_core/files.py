@@ -43,7 +43,7 @@ def write_atomically(path: Path, content: bytes) -> None:
     Raises:
         OSError: the folder does not exist or is not writable; nothing is left behind.
     """
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=hidden_name(path), suffix=".part")
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(content)
@@ -83,15 +83,49 @@ def require_writable(path: Path, kind: FileKind, *, inputs: Iterable[Path] = ())
         OutputError: its folder does not exist or may not be written to, it is a folder itself, an input, within an
             input, or a file of another kind.
     """
-    if not path.parent.is_dir():
-        raise OutputError(f"cannot write {path}: folder {path.parent} does not exist; create it first")
-    if not os.access(path.parent, os.W_OK):
-        raise OutputError(f"cannot write {path}: no right to write in {path.parent}")
-    if not path.name or path.is_dir():
+    require_place(path)
+    if path.is_dir():
         raise OutputError(f"cannot write {path}: it is a folder; give a file name")
     require_apart(path, inputs)
     if path.exists():
         _require_kind(path, kind)
+
+
+def require_place(path: Path) -> None:
+    """Check that a file or folder of this name can be made: the folder above is there and the system takes the name.
+
+    Raises:
+        OutputError: it is not, or may not be written to, or the name is too long.
+    """
+    above = Path(os.path.abspath(path)).parent
+    if not above.is_dir():
+        raise OutputError(f"cannot write {path}: folder {above} does not exist; create it first")
+    if not os.access(above, os.W_OK):
+        raise OutputError(f"cannot write {path}: no right to write in {above}")
+    try:
+        path.exists()
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}; choose another name") from error
+
+
+def hidden_name(path: Path) -> str:
+    """How the hidden file or folder beside `path` is called in which it is made; not longer than `path` may be."""
+    return f".{path.name[:40]}."
+
+
+def hidden_folder(path: Path) -> Path:
+    """Make a hidden folder beside `path`, to be renamed to it when all is in it.
+
+    Raises:
+        OutputError: it cannot be made.
+    """
+    final = Path(os.path.abspath(path))
+    try:
+        folder = Path(tempfile.mkdtemp(dir=final.parent, prefix=hidden_name(final), suffix=".part"))
+        folder.chmod(0o755)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}") from error
+    return folder
 
 
 def require_apart(path: Path, inputs: Iterable[Path]) -> None:

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from egophys_core.errors import OutputError
-from egophys_core.files import FileKind, require_writable, write_atomically, write_json
+from egophys_core.files import FileKind, hidden_folder, require_writable, write_atomically, write_json
 
 
 def test_content_is_written_and_replaced(tmp_path):
@@ -47,6 +47,15 @@ def test_failure_at_any_step_leaves_the_old_file_and_no_other(tmp_path, monkeypa
         write_atomically(path, b"new")
     assert path.read_bytes() == b"old"
     assert os.listdir(tmp_path) == ["it"]
+
+
+def test_hidden_names_fit_where_the_final_ones_do(tmp_path):
+    longest = tmp_path / ("é" * 127)
+    write_atomically(longest, b"one")
+    folder = hidden_folder(longest)
+    assert folder.parent == tmp_path
+    longest.unlink()
+    folder.rename(longest)
 
 
 def test_missing_folder_is_an_oserror(tmp_path):

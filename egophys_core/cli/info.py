@@ -1,6 +1,7 @@
 """`egophys info PATH`."""
 
 import argparse
+import os
 from pathlib import Path
 from zipfile import is_zipfile
 
@@ -15,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Print."""
-    if parsed.path.is_file() and is_zipfile(parsed.path):
+    if os.path.isfile(parsed.path) and is_zipfile(parsed.path):
         _show_twin(parsed.path, parsed.json)
     else:
         _show_bag(parsed.path, parsed.json)

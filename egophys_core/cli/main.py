@@ -7,6 +7,7 @@ at once.
 import argparse
 import difflib
 import importlib
+import io
 import keyword
 import os
 import signal
@@ -51,6 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # No option stands before the subcommand but --help and --version, which have no values.
     command = next((word for word in words if not word.startswith("-")), "")
     warnings.showwarning = _show_warning
+    _prepare_streams()
     # As Ctrl-C, so that what is half written is removed.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
@@ -65,9 +67,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"egophys {command}: stopped; nothing was written", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        # Python writes what is left once more as it ends.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         return 141
+    except OSError as error:
+        print(f"egophys {command}: {_in_words(error)}", file=sys.stderr)
+        return 2
 
 
 def make_parser(command: str) -> argparse.ArgumentParser:
@@ -99,6 +103,33 @@ def make_parser(command: str) -> argparse.ArgumentParser:
 def module_name(command: str) -> str:
     """Name of a subcommand's module; a keyword of Python, which no module may be called, gets an underscore."""
     return command.replace("-", "_") + "_" * keyword.iskeyword(command)
+
+
+def _prepare_streams() -> None:
+    """Have both streams where the shell closed one (`>&-`), and write what an encoding lacks as `\\xfc`."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  # it is open as long as the command runs
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def _drop_output() -> None:
+    """Lose what waits for standard output, which Python would try to write once more as it ends."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _in_words(error: OSError) -> str:
+    """What failed, as far as it says, and why."""
+    place = error.filename
+    try:
+        sys.stdout.flush()
+    except OSError:
+        _drop_output()
+        place = "standard output"
+    reason = error.strerror or str(error)
+    return f"{place}: {reason}" if place else reason
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

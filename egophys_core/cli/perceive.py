@@ -17,7 +17,7 @@ from egophys_core.cli.display import Report, print_json, print_remarks, print_ta
 from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.errors import OutputError
-from egophys_core.files import require_apart, write_atomically, write_json
+from egophys_core.files import hidden_folder, require_apart, require_place, write_atomically, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.options import to_mapping
 from egophys_core.perception.options import PerceptionOptions
@@ -154,17 +154,12 @@ def _new_folder(out: Path) -> Iterator[Path]:
         OutputError: `out` is there and not an empty folder, or cannot be made.
     """
     out = Path(os.path.abspath(out))
+    require_place(out)
     if out.is_dir() and any(out.iterdir()):
         raise OutputError(f"cannot write {out}: the folder is not empty; choose another name or move it away")
     if out.exists() and not out.is_dir():
         raise OutputError(f"cannot write {out}: it is a file; give the name of a new folder")
-    if not out.parent.is_dir():
-        raise OutputError(f"cannot write {out}: folder {out.parent} does not exist; create it first")
-    part = out.parent / f".{out.name}.{os.getpid()}.part"
-    try:
-        part.mkdir()
-    except OSError as error:
-        raise OutputError(f"cannot write {out}: {error.strerror or error}") from error
+    part = hidden_folder(out)
     try:
         yield part
         part.rename(out)

@@ -4,7 +4,6 @@ import argparse
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from egophys_core.cli.display import print_json, progress_bar
 from egophys_core.errors import OptionsError, OutputError
+from egophys_core.files import hidden_folder, require_place
 from egophys_core.options import from_mapping, to_mapping
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
 
@@ -99,7 +99,7 @@ def run(parsed: argparse.Namespace) -> int:
     handlings = _handlings(parsed, options, effects)
     truth = _truth(parsed, options, effects, [{"folder": each.folder, **each.about} for each in handlings])
     # All episodes or none: they are made in a hidden folder beside the final one, which is then renamed.
-    making = Path(tempfile.mkdtemp(dir=parsed.out.parent, prefix=f".{parsed.out.name}.", suffix=".part"))
+    making = hidden_folder(parsed.out)
     try:
         with progress_bar() as report:
             for number, each in enumerate(handlings):
@@ -110,7 +110,6 @@ def run(parsed: argparse.Namespace) -> int:
                 )
                 write_episode(episode, making / each.folder)
         (making / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
-        making.chmod(0o755)
         os.rename(making, parsed.out)
     except OSError as error:
         raise OutputError(f"cannot write {parsed.out}: {error.strerror}") from error
@@ -179,12 +178,9 @@ def _effects(parsed: argparse.Namespace) -> dict[str, dict[str, float]]:
 
 
 def _require_new(folder: Path) -> None:
+    require_place(folder)
     if folder.exists():
         raise OutputError(f"{folder}: exists already and is not overwritten; choose another name or move it away")
-    if not folder.parent.is_dir():
-        raise OutputError(f"cannot write {folder}: folder {folder.parent} does not exist; create it first")
-    if not os.access(folder.parent, os.W_OK):
-        raise OutputError(f"cannot write {folder}: no right to write in {folder.parent}")
 
 
 def _truth(

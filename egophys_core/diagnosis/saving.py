@@ -8,7 +8,7 @@ from egophys_core.diagnosis.diagnose import Finding
 from egophys_core.diagnosis.diagnosis import save_diagnosis
 from egophys_core.effects import LIBRARY
 from egophys_core.errors import OutputError, TwinError
-from egophys_core.files import write_atomically
+from egophys_core.files import hidden_folder, require_place, write_atomically
 from egophys_core.reporting import EffectText, diagnosis_html
 from egophys_core.twin import save_twin
 
@@ -33,16 +33,12 @@ def require_new_folder(folder: Path) -> None:
     Raises:
         OutputError: `folder` is a file or not empty, or the folder above it is absent or may not be written to.
     """
+    require_place(folder)
     if folder.is_dir():
         if any(folder.iterdir()):
             raise OutputError(f"cannot write {folder}: the folder is not empty; choose another name or move it away")
     elif folder.exists():
         raise OutputError(f"cannot write {folder}: it is a file; give the name of a new folder")
-    above = Path(os.path.abspath(folder)).parent
-    if not above.is_dir():
-        raise OutputError(f"cannot write {folder}: folder {above} does not exist; create it first")
-    if not os.access(above, os.W_OK):
-        raise OutputError(f"cannot write {folder}: no right to write in {above}")
 
 
 def save_finding(finding: Finding, folder: Path) -> dict[str, Path]:
@@ -56,9 +52,8 @@ def save_finding(finding: Finding, folder: Path) -> dict[str, Path]:
     """
     require_new_folder(folder)
     final = Path(os.path.abspath(folder))
-    part = final.parent / f".{final.name}.{os.getpid()}.part"
+    part = hidden_folder(final)
     try:
-        part.mkdir()
         save_diagnosis(finding.diagnosis, part / DIAGNOSIS_NAME)
         save_twin(finding.twin, part / TWIN_NAME)
         write_atomically(part / REPORT_NAME, report(finding).encode())

@@ -12,7 +12,7 @@ from egophys_core.errors import OutputError
 from egophys_core.experiments.choice import Proposal
 from egophys_core.experiments.hand_path import plan_of_path
 from egophys_core.experiments.prediction import predicted_episode
-from egophys_core.files import write_json
+from egophys_core.files import hidden_folder, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.plan_file import PlanFile, write_plan
 from egophys_core.reporting import draw_shapes
@@ -41,10 +41,9 @@ def save_experiment(proposals: Sequence[Proposal], twin: Twin, folder: Path, *, 
     """
     require_new_folder(folder)
     final = Path(os.path.abspath(folder))
-    part = final.parent / f".{final.name}.{os.getpid()}.part"
+    part = hidden_folder(final)
     content = experiment_content(proposals, twin)
     try:
-        part.mkdir()
         for each, about in zip(proposals, content["motions"], strict=True):
             for path, name in zip(each.motion.paths, about["plans"], strict=True):
                 plan = plan_of_path(path, twin.twin_id)

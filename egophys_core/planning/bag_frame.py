@@ -1,5 +1,6 @@
 """One frame of a bag, by index or time: `towel.mcap@70`, `towel.mcap@2.3s`."""
 
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ BAG_SUFFIXES = (".mcap", ".db3")
 
 def is_bag(path: Path) -> bool:
     """Whether a path is that of a bag, by its name or because it is a folder."""
-    return path.suffix.lower() in BAG_SUFFIXES or path.is_dir()
+    return path.suffix.lower() in BAG_SUFFIXES or os.path.isdir(path)
 
 
 def path_and_frame(source: str) -> tuple[Path, str]:
@@ -25,7 +26,7 @@ def path_and_frame(source: str) -> tuple[Path, str]:
         PlanningError: what stands after @ is neither an index nor a time.
     """
     path, at, frame = source.rpartition("@")
-    if not at or Path(source).exists():
+    if not at or os.path.exists(source):
         return Path(source), ""
     if not re.fullmatch(r"\d+(\.\d*)?s|\d+", frame):
         raise PlanningError(f"{source}: after @ stands a frame (@70) or a time in seconds (@2.3s), not {frame!r}")

@@ -7,6 +7,7 @@ SHAPE is `present` (the object where it is), a point cloud (.npy, .ply, .pcd, .x
 its centre by roll, pitch and yaw in degrees about the axes of `world`, then shifted by metres.
 """
 
+import os
 import re
 from dataclasses import dataclass
 
@@ -132,7 +133,7 @@ def _read(source: str, object_topic: str) -> np.ndarray:
         messages = object_messages(path, object_topic)
         return seen_points(messages[frame_index(frame, messages, path)])[1]
     kinds = ", ".join((*READERS, *BAG_SUFFIXES, TWIN_SUFFIX))
-    if path.is_file():
+    if os.path.isfile(path):
         raise PlanningError(f"target {path}: files that hold a shape are {kinds}, not {suffix or 'without extension'}")
     raise PlanningError(
         f"target {source}: there is no such file or folder; give `{PRESENT}`, or a file ({kinds}), or a bag's folder"

@@ -34,7 +34,7 @@ def write_episode(
         frame: `frame_id` of every message.
 
     Raises:
-        RecordingError: the folder exists or the disk refuses.
+        RecordingError, OutputError: the folder exists or the disk refuses.
     """
     stamps_ns = start_ns + np.rint(episode.times * 1e9).astype(np.int64)
     certain = np.ones(len(episode.controller_ids), np.float32)

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from egophys_core.errors import RecordingError
+from egophys_core.files import hidden_folder
 
 
 @contextmanager
@@ -17,16 +18,17 @@ def new_bag(bag: Path) -> Iterator[Path]:
     It is moved to its place when the block ends, and removed when that fails.
 
     Raises:
-        RecordingError: `bag` is there already, or cannot be written.
+        RecordingError: `bag` is there already, or the folder above it cannot be made.
+        OutputError: it cannot be written.
     """
     bag = Path(os.path.abspath(bag))
-    if bag.exists():
+    if os.path.lexists(bag):
         raise RecordingError(f"{bag}: exists already and is not overwritten; choose another name or move it away")
-    hidden = bag.parent / f".{bag.name}.{os.getpid()}.part"
     try:
-        hidden.mkdir(parents=True)
+        bag.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(f"{bag}: cannot be written: {error.strerror or error}") from error
+    hidden = hidden_folder(bag)
     try:
         yield hidden / bag.name
         os.rename(hidden / bag.name, bag)

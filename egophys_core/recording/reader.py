@@ -1,5 +1,6 @@
 """Reading a bag, whatever it is stored as: one file, or a rosbag2 folder of several."""
 
+import os
 import re
 import warnings
 from collections.abc import Callable, Collection, Iterator
@@ -100,12 +101,13 @@ def storage_files(path: Path) -> list[Path]:
     Raises:
         RecordingError: there are none, one is missing, or they are packed by rosbag2's own compression.
     """
-    if path.is_dir():
+    # Not `path.is_dir()`, which fails with a name that is too long.
+    if os.path.isdir(path):
         files = _listed_files(path) or _found_files(path)
         if not files:
             raise RecordingError(f"{path}: not a bag, the folder holds no .mcap or .db3 file")
         return files
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise RecordingError(f"{path}: no such file or folder")
     return [path]
 

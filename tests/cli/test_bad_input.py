@@ -133,6 +133,33 @@ def test_twin_that_is_none(egophys, episode_bag, tmp_path, command):
     assert not (tmp_path / "bag").exists()
 
 
+LONG = "a" * 300
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        ("info {long}", "no such file or folder"),
+        ("plan {twin} --target {long} --out {new}", f"target {LONG}"),
+        ("plan {twin} --translate 0 0 0.1 --start {long} --out {new}", f"start {LONG}: give a bag"),
+        ("plan {twin} --translate 0 0 0.1 --out {long}", "File name too long; choose another name"),
+        ("build {bag} --out {long}", "File name too long; choose another name"),
+        ("board --out {long}", "File name too long; choose another name"),
+        ("perceive {bag} --out {long}", "File name too long; choose another name"),
+        ("diagnose {twin} {bag} --out {long}", "File name too long; choose another name"),
+        ("experiment {twin} --out {long}", "File name too long; choose another name"),
+        ("rehearse --out {long}", "File name too long; choose another name"),
+        ("simulate {twin} {bag} --out {long}", "File name too long"),
+        ("check {long}", f"egophys check: {LONG}: File name too long"),
+    ],
+)
+def test_names_that_no_file_may_have(egophys, episode_bag, twin_file, tmp_path, monkeypatch, arguments, part):
+    monkeypatch.chdir(tmp_path)
+    places = {"long": LONG, "twin": twin_file, "bag": episode_bag, "new": tmp_path / "new"}
+    refused(egophys(*arguments.format(**places).split()), part)
+    assert os.listdir(tmp_path) == []
+
+
 def test_cut_twin(egophys, twin_file, tmp_path):
     (tmp_path / "cut.twin").write_bytes(twin_file.read_bytes()[:-100])
     refused(egophys("info", tmp_path / "cut.twin"), "cut.twin")

@@ -41,7 +41,7 @@ def test_a_poor_film_is_called_poor_and_it_is_said_what_to_do(egophys, tmp_path)
     [
         (("--object", "towel"), "must be two numbers, x and y in pixels, got 'towel'"),
         (("--out", "seen.txt"), "must end in .jpg or .png"),
-        (("--out", "nowhere/seen.png"), "folder nowhere does not exist"),
+        (("--out", "nowhere/seen.png"), "nowhere does not exist; create it first"),
         (("--rate", "30"), "has times of its own"),
     ],
 )

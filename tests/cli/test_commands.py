@@ -1,8 +1,10 @@
 """The story from a shell: build, evaluate, look, simulate, plan."""
 
 import inspect
+import io
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -217,6 +219,31 @@ def test_output_that_nobody_reads_ends_the_command_quietly(twin_file, monkeypatc
     with os.fdopen(write, "w") as output:
         monkeypatch.setattr("sys.stdout", output)
         assert main(["info", str(twin_file), *form]) == 141
+
+
+def test_output_that_cannot_be_written_ends_the_command_with_a_line(twin_file):
+    python = [sys.executable, "-m", "egophys_core.cli.main"]
+    info = f"{shlex.join(python)} info {twin_file}"
+    environment = {**os.environ, "PYTHONUNBUFFERED": ""}
+
+    def run(command: str) -> tuple[int, str, str]:
+        done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=60, env=environment)
+        return done.returncode, done.stdout, done.stderr
+
+    assert run(f"{info} > /dev/full") == (2, "", "egophys info: standard output: No space left on device\n")
+    # Nobody asks for an output that is closed.
+    assert run(f"{info} >&-") == (0, "", "")
+    assert run(f"{shlex.join(python)} info none >&- 2>&-") == (2, "", "")
+
+
+def test_names_that_the_encoding_of_the_output_lacks(egophys, episode_bag, tmp_path, monkeypatch):
+    bag = tmp_path / "fünf\udcff"
+    shutil.copytree(episode_bag, bag)
+    with io.TextIOWrapper(io.BytesIO(), encoding="ascii") as stream, monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", stream)
+        assert main(["info", str(bag)]) == 0
+        stream.seek(0)
+        assert "f\\xfcnf\\udcff" in "".join(stream.read().split("\n")).replace(" ", "")
 
 
 def test_info_of_a_bag(egophys, egophys_json, episode_bag):

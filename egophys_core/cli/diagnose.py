@@ -4,8 +4,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
-
 from egophys_core.cli.asking_arguments import add_ask_arguments, hands_of, rehearsed_world
 from egophys_core.cli.declared_arguments import add_declared_arguments, as_declared
 from egophys_core.cli.display import print_json, print_table, progress_bar
@@ -163,4 +161,4 @@ def _error(error: dict[str, Any]) -> tuple[str, ...]:
         *("chamfer_before_m", "chamfer_after_m"),
     )
     fitted = "fitted" if error["fitted"] else "new"
-    return f"{escape(error['episode'])} ({fitted})", *(millimetres(error[name]) for name in names)
+    return f"{error['episode']} ({fitted})", *(millimetres(error[name]) for name in names)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from egophys_core.json_numbers import nulled
 
@@ -24,7 +25,13 @@ class Report(Protocol):
 
 
 class _Output(Console):
-    """Standard output, where nobody reads it any more as for `print`: rich would exit with 1, which is a finding."""
+    """Standard output for tables of any text: names of files may hold what rich takes for markup.
+
+    Where nobody reads it any more as for `print`: rich would exit with 1, which is a finding.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(markup=False, emoji=False)
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError
@@ -34,7 +41,8 @@ class _Output(Console):
 def progress_bar() -> Iterator[Report]:
     """A bar in a terminal, nothing elsewhere."""
     console = Console(stderr=True)
-    columns = (TextColumn("{task.description:<10}"), BarColumn(), TextColumn("{task.fields[note]}"))
+    texts = [TextColumn(each, markup=False) for each in ("{task.description:<10}", "{task.fields[note]}")]
+    columns = (texts[0], BarColumn(), texts[1])
     with Progress(*columns, TimeElapsedColumn(), console=console, disable=not console.is_terminal) as progress:
         task = progress.add_task("", total=1.0, note="")
 
@@ -66,7 +74,7 @@ def print_remarks(title: str, remarks: "Sequence[Remark]") -> None:
         table.add_column(name)
     colours = {"ok": "green", "doubtful": "yellow", "bad": "red"}
     for each in remarks:
-        table.add_row(each.name, f"[{colours[each.level]}]{each.level}[/]", each.text)
+        table.add_row(each.name, Text(each.level, style=colours[each.level]), each.text)
     _Output().print(table)
     for each in remarks:
         if each.advice:

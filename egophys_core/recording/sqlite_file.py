@@ -38,6 +38,10 @@ def read_sqlite(path: Path, topics: TopicTable, wanted: Collection[str] | None) 
             for number, name, type_name, encoding in database.execute(
                 "SELECT id, name, type, serialization_format FROM topics ORDER BY id"
             ):
+                if not (isinstance(name, str) and isinstance(type_name, str)):
+                    raise DamagedFileError(
+                        path, None, f"the database is damaged: name and type of topic number {number!r} are no texts"
+                    )
                 names[number] = (name, type_name, encoding)
                 topics.declare(name, type_name)
             for number, log_time, data in database.execute(

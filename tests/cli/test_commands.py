@@ -1,5 +1,6 @@
 """The story from a shell: build, evaluate, look, simulate, plan."""
 
+import contextlib
 import inspect
 import io
 import json
@@ -18,8 +19,10 @@ import pytest
 import egophys_core.cli
 from egophys_core import __version__
 from egophys_core.cli import import_ as import_command
+from egophys_core.cli.display import print_remarks
 from egophys_core.cli.main import SUBCOMMANDS, main, module_name
 from egophys_core.identification import FitOptions, build, coarse
+from egophys_core.perception.remarks import Level, Remark
 from egophys_core.plan_file import read_plan
 from egophys_core.recording import read_episode
 from egophys_core.recording.vrs import import_vrs
@@ -234,6 +237,20 @@ def test_output_that_cannot_be_written_ends_the_command_with_a_line(twin_file):
     # Nobody asks for an output that is closed.
     assert run(f"{info} >&-") == (0, "", "")
     assert run(f"{shlex.join(python)} info none >&- 2>&-") == (2, "", "")
+
+
+def test_brackets_in_names_are_shown_as_they_are(egophys, episode_bag, tmp_path, capsys):
+    for name in ("m[lift]/e[bold].mcap", "k[/b].mcap"):
+        bag = tmp_path / name
+        bag.parent.mkdir(exist_ok=True)
+        shutil.copy(next(episode_bag.glob("*.mcap")), bag)
+        with contextlib.chdir(tmp_path):
+            code, out, _ = egophys("info", name)
+        assert code == 0
+        assert out.startswith(name)
+    print_remarks("[a] :dog:", [Remark(name="[b]", level=Level.OK, text="[/c]")])
+    shown = capsys.readouterr().out
+    assert all(each in shown for each in ("[a] :dog:", "[b]", "[/c]"))
 
 
 def test_names_that_the_encoding_of_the_output_lacks(egophys, episode_bag, tmp_path, monkeypatch):

@@ -165,6 +165,14 @@ def test_database_of_something_else_is_refused(tmp_path):
         list(read_records(tmp_path / "other.db3"))
 
 
+def test_database_whose_topics_are_not_named_by_texts(tmp_path, records):
+    write_with_rosbags(tmp_path / "bag", records, StoragePlugin.SQLITE3)
+    with sqlite3.connect(tmp_path / "bag" / "bag.db3") as database:
+        database.execute("UPDATE topics SET name = CAST(name AS BLOB)")
+    with pytest.raises(RecordingError, match="name and type of topic number 1 are no texts"):
+        list_topics(tmp_path / "bag")
+
+
 def test_database_with_messages_outside_of_it_is_refused(tmp_path, records):
     write_with_rosbags(tmp_path / "bag", records, StoragePlugin.SQLITE3)
     (tmp_path / "bag" / "bag.db3-wal").write_bytes(b"messages")

@@ -1,9 +1,7 @@
 """`egophys info PATH`."""
 
 import argparse
-import os
 from pathlib import Path
-from zipfile import is_zipfile
 
 from egophys_core.cli.display import print_json, print_table
 
@@ -16,11 +14,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Print."""
-    if os.path.isfile(parsed.path) and is_zipfile(parsed.path):
+    if _is_archive(parsed.path):
         _show_twin(parsed.path, parsed.json)
     else:
         _show_bag(parsed.path, parsed.json)
     return 0
+
+
+def _is_archive(path: Path) -> bool:
+    """Whether a file begins as a twin does, be it cut or not."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(2) == b"PK"
+    except OSError:
+        return False  # a folder, or nothing; reading it as a bag says what
 
 
 def _show_twin(path: Path, as_json: bool) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from egophys_core.effects import TwinEffect, effect_named
-from egophys_core.errors import TwinError
+from egophys_core.errors import EgophysError, TwinError
 from egophys_core.files import FileKind, write_atomically
 from egophys_core.twin.codebook import Codebook
 from egophys_core.twin.graph import SpringGraph
@@ -50,7 +50,11 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
             f"{name} is not a twin file, or it is cut ({error}); build it again with egophys build"
         ) from error
     if version not in READABLE:
-        raise TwinError(f"{name} has twin format {version}, this version reads up to {READABLE[-1]}; build it again")
+        newer = isinstance(version, int) and version > READABLE[-1]
+        raise TwinError(
+            f"{name} has twin format {version}, this version reads up to {READABLE[-1]}; "
+            f"{'update egophys' if newer else 'build it again'}"
+        )
     try:
         stiffness, grasp = arrays.pop("stiffness"), arrays.pop("grasp")
         uneven = arrays.pop("intrinsic_curvature", None)
@@ -74,6 +78,8 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
         )
     except (TypeError, KeyError, ValueError) as error:
         raise TwinError(f"{name} lacks or has unknown twin fields ({error}); build it again") from error
+    except EgophysError as error:
+        raise TwinError(f"{name}: {error}; build it again") from error
 
 
 def _effect(content: dict[str, Any]) -> TwinEffect:

@@ -162,7 +162,7 @@ def test_names_that_no_file_may_have(egophys, episode_bag, twin_file, tmp_path, 
 
 def test_cut_twin(egophys, twin_file, tmp_path):
     (tmp_path / "cut.twin").write_bytes(twin_file.read_bytes()[:-100])
-    refused(egophys("info", tmp_path / "cut.twin"), "cut.twin")
+    refused(egophys("info", tmp_path / "cut.twin"), "cut.twin is not a twin file, or it is cut")
 
 
 def test_existing_bag_is_not_overwritten(egophys, twin_file, episode_bag, tmp_path):

@@ -48,12 +48,30 @@ def add_ask_arguments(parser: argparse.ArgumentParser) -> None:
     add_hand_arguments(parser)
 
 
+def check_ask(parsed: argparse.Namespace) -> None:
+    """Check that the arguments of `add_ask_arguments` go together.
+
+    Raises:
+        OptionsError: they do not.
+    """
+    if (parsed.ask > 0) != (parsed.world is not None) or parsed.ask < 0:
+        raise OptionsError("--ask N and --world DIR go together: how often to ask, and where motions are done")
+    if not parsed.ask and (parsed.by != "person" or parsed.limits is not None):
+        raise OptionsError("--by and --limits are of motions that are asked for; add --ask N, or leave them out")
+
+
 def hands_of(parsed: argparse.Namespace) -> "HandLimits":
-    """What the hands that were chosen can do."""
+    """What the hands that were chosen can do.
+
+    Raises:
+        OptionsError: limits of an arm are given for a person, or cannot be read.
+    """
     from egophys_core.experiments import PERSON, arm_hands
     from egophys_core.robot import MotionLimits
 
     if parsed.by == "person":
+        if parsed.limits is not None:
+            raise OptionsError(f"--limits {parsed.limits} are an arm's; add --by arm, or leave them out")
         return PERSON
     return arm_hands(MotionLimits.load(parsed.limits) if parsed.limits else MotionLimits())
 

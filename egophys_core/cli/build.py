@@ -65,7 +65,12 @@ def run(parsed: argparse.Namespace) -> int:
         no_table=parsed.no_table,
         perception=options_of_video,
     )
-    perceiving = PERCEPTION_SHARE if any(is_video(path, source) for path in parsed.episodes) else 0.0
+    some_perceived = any(is_video(path, source) for path in parsed.episodes)
+    if parsed.object is not None and not some_perceived:
+        raise OptionsError(
+            f"--object is a place in a video, but of {parsed.episodes[0]} the points are used; leave it out"
+        )
+    perceiving = PERCEPTION_SHARE if some_perceived else 0.0
     try:
         with progress_bar() as report:
             loaded = load_episodes(

@@ -4,13 +4,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from egophys_core.cli.asking_arguments import add_ask_arguments, hands_of, rehearsed_world
+from egophys_core.cli.asking_arguments import add_ask_arguments, check_ask, hands_of, rehearsed_world
 from egophys_core.cli.declared_arguments import add_declared_arguments, as_declared
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.errors import OptionsError
 from egophys_core.files import require_apart
 
 if TYPE_CHECKING:
@@ -66,8 +65,8 @@ def run(parsed: argparse.Namespace) -> int:
     options = options_from(parsed, DiagnosisOptions)
     for name in parsed.without:
         effect_named(name)
-    if (parsed.ask > 0) != (parsed.world is not None) or parsed.ask < 0:
-        raise OptionsError("--ask N and --world DIR go together: how often to ask, and where motions are done")
+    check_ask(parsed)
+    hands = hands_of(parsed)
     require_apart(parsed.out, [*parsed.episodes, *parsed.report_on])
     require_new_folder(parsed.out)
     recorded = parsed.out.with_name(f"{parsed.out.name}_asked")
@@ -85,7 +84,7 @@ def run(parsed: argparse.Namespace) -> int:
             options,
             world,
             most=parsed.ask,
-            limits=hands_of(parsed),
+            limits=hands,
             loads=loads_from(parsed.load, [each.name for each in (*episodes, *others)]),
             report_on=others,
             without=parsed.without,

@@ -43,6 +43,7 @@ def run(parsed: argparse.Namespace) -> int:
 
     for name in parsed.effects:
         effect_named(name)
+    hands = hands_of(parsed)
     require_new_folder(parsed.out)
     twin = load_twin(parsed.twin)
     content = read_content(parsed.diagnosis) if parsed.diagnosis else None
@@ -51,7 +52,7 @@ def run(parsed: argparse.Namespace) -> int:
         proposals = choose(
             twin,
             asked,
-            hands_of(parsed),
+            hands,
             known=known_limits(content) if content else (),
             rivals=content["ambiguous"] if content else (),
             needed_gain=Thresholds().least_gain,

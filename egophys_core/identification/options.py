@@ -55,6 +55,11 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         validate(self)
+        if self.prior and self.stiffness is not StiffnessOption.CODEBOOK:
+            raise OptionsError(
+                f"prior {self.prior} is used for stiffness codebook only, not {self.stiffness}; choose codebook, "
+                "or leave prior out"
+            )
         if self.kind != AUTO:
             # Kinds load SciPy, which the options, read for every `--help`, do without.
             from egophys_core.kinds import KINDS

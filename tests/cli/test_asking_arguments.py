@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from egophys_core.cli import diagnose, rehearse
+from egophys_core.cli import diagnose, experiment, rehearse
 from egophys_core.cli.asking_arguments import add_hand_arguments, hands_of, rehearsed_world
-from egophys_core.errors import OptionsError
+from egophys_core.errors import EgophysError, OptionsError
 from egophys_core.experiments import PERSON, HandMotion, Proposal
 from egophys_core.experiments.family import HAND_POINTS
 from egophys_core.experiments.hand_path import PathWriter
@@ -27,6 +27,21 @@ def parsed_by(module, *arguments):
 def test_how_often_to_ask_and_where_go_together(tmp_path, given):
     with pytest.raises(OptionsError, match="--ask N and --world DIR go together"):
         diagnose.run(parsed_by(diagnose, "t.twin", "lift", "--out", tmp_path / "d", *given))
+
+
+def test_limits_of_hands_that_are_not_asked_are_refused_before_anything_is_read(tmp_path):
+    (tmp_path / "arm.yaml").write_text("max_speed_m_s: 0.1\n")
+    out, limits = ("--out", tmp_path / "d"), ("--limits", tmp_path / "arm.yaml")
+    asked = ("--ask", "1", "--world", "lab")
+    for module, given, message in (
+        (diagnose, ("lift", *limits), "of motions that are asked for; add --ask N"),
+        (diagnose, ("lift", "--by", "arm"), "of motions that are asked for; add --ask N"),
+        (diagnose, ("lift", *asked, *limits), "are an arm's; add --by arm"),
+        (diagnose, ("lift", *asked, "--by", "arm", "--limits", tmp_path / "none"), "none"),
+        (experiment, limits, "are an arm's; add --by arm"),
+    ):
+        with pytest.raises(EgophysError, match=message):
+            module.run(parsed_by(module, "t.twin", *given, *out))
 
 
 def test_hands_are_a_persons_or_those_of_an_arm_within_its_limits(tmp_path):

@@ -219,6 +219,8 @@ def test_bad_options(egophys, episode_bag, tmp_path):
 
     refused(build("--generations", "0"), "generations must be in 1 .. 10000, got 0")
     refused(build("--options", tmp_path / "no.yaml"), "no.yaml")
+    refused(build("--prior", "p.safetensors"), "prior p.safetensors is used for stiffness codebook only, not dense")
+    refused(build("--object", "1 2"), f"--object is a place in a video, but of {episode_bag} the points are used")
     for text, part in (
         ("generation: 3\n", "did you mean 'generations'?"),
         ("generations: many\n", "generations must be of type int, got 'many'"),

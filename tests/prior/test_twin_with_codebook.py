@@ -29,7 +29,7 @@ def test_a_build_with_the_prior_records_it_and_where_the_object_is_unlike_its_tr
     episode = sheet_episode()
     options = FitOptions(**QUICK, stiffness=StiffnessOption.CODEBOOK, prior=str(checkpoint))
     twin = build([episode], options, seed=0)
-    uniform = build([episode], replace(options, stiffness=StiffnessOption.UNIFORM), seed=0)
+    uniform = build([episode], replace(options, stiffness=StiffnessOption.UNIFORM, prior=""), seed=0)
     assert (twin.model.stiffness_model, uniform.model.stiffness_model) == ("codebook", "uniform")
     assert twin.provenance.settings["stiffness"] == "codebook"
     assert any("prior was trained with" in note for note in twin.provenance.settings["assumed"])

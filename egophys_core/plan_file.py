@@ -71,7 +71,7 @@ def read_plan(path: Path) -> PlanFile:
     """
     try:
         content = json.loads(Path(path).read_text("utf-8"), parse_constant=_no_number)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise PlanningError(
             f"cannot read plan {path}: {reason}; a plan file is the JSON that `egophys plan` writes"

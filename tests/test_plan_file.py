@@ -85,7 +85,12 @@ def test_files_that_are_no_plan_files_are_refused(path, tmp_path):
     path.write_text(json.dumps(content))
     with pytest.raises(PlanningError, match="it lacks stamp_ns, reached; write it with `egophys plan`"):
         read_plan(path)
-    for text, reason in (("{", "cannot read plan"), ("[1]", "a JSON object, got list"), ('{"a": NaN}', "NaN is not")):
+    for text, reason in (
+        ("{", "cannot read plan"),
+        ("[" * 100_000, "cannot read plan"),
+        ("[1]", "a JSON object, got list"),
+        ('{"a": NaN}', "NaN is not"),
+    ):
         path.write_text(text)
         with pytest.raises(PlanningError, match=reason):
             read_plan(path)

@@ -102,7 +102,7 @@ def rehearsed_world(folder: Path, twin: "Twin", out: Path) -> "World":
             each["name"]: {name: float(value["value"]) for name, value in each["parameters"].items()}
             for each in truth["effects"]
         }
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise OptionsError(
             f"--world {folder}: cannot read {path}: {error}; give a folder of `egophys rehearse`"
         ) from error

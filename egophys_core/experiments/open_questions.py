@@ -19,7 +19,7 @@ def read_content(folder: Path) -> dict[str, Any]:
     path = folder / DIAGNOSIS_NAME
     try:
         content: dict[str, Any] = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DiscrepancyError(f"cannot read {path}: {error}; give the folder that `egophys diagnose` made") from error
     lacking = [name for name in ("limits", "ambiguous", "scale_m") if name not in content]
     if lacking:

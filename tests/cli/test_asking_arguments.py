@@ -74,3 +74,6 @@ def test_a_motion_is_done_with_the_object_of_the_rehearsal_and_kept(tmp_path):
 def test_a_folder_that_is_no_rehearsal_is_no_world(tmp_path):
     with pytest.raises(OptionsError, match="give a folder of `egophys rehearse`"):
         rehearsed_world(tmp_path, twin_of(sheet()), tmp_path / "d_asked")
+    (tmp_path / "truth.json").write_text("[" * 100_000)
+    with pytest.raises(OptionsError, match="give a folder of `egophys rehearse`"):
+        rehearsed_world(tmp_path, twin_of(sheet()), tmp_path / "d_asked")

@@ -22,11 +22,13 @@ from egophys_core.cli import import_ as import_command
 from egophys_core.cli.display import print_remarks
 from egophys_core.cli.main import SUBCOMMANDS, main, module_name
 from egophys_core.identification import FitOptions, build, coarse
+from egophys_core.identification.search_state import SEARCH_FILE
 from egophys_core.perception.remarks import Level, Remark
-from egophys_core.plan_file import read_plan
+from egophys_core.plan_file import PLAN_FILE, PlanFile, read_plan, write_plan
 from egophys_core.recording import read_episode
 from egophys_core.recording.vrs import import_vrs
-from egophys_core.twin import encode_twin, load_twin, save_twin
+from egophys_core.twin import TWIN_FILE, encode_twin, load_twin, save_twin
+from egophys_core.waypoint_plan import WaypointPlan
 from tests.cli.conftest import FAST_FIT, FAST_PLAN
 
 BASELINES = {
@@ -67,6 +69,26 @@ def test_a_misspelt_subcommand_suggests_the_nearest(egophys):
     assert (code, out) == (2, "")
     assert "no subcommand is called 'diagnoze'; did you mean 'diagnose'?" in err
     assert "there are board, calibrate, calibrate-camera" in egophys("xyzzy")[2]
+
+
+def test_what_a_command_wrote_it_writes_again(egophys, twin_file, episode_bag, tmp_path):
+    search = tmp_path / "search"
+    for _ in range(2):
+        arguments = ["--out", tmp_path / "t.twin", "--checkpoint", search, *FAST_FIT]
+        assert egophys("build", episode_bag, *arguments)[0] == 0
+        assert egophys("board", "--out", tmp_path / "b.pdf")[0] == 0
+    assert not TWIN_FILE.fits(search)
+    assert not SEARCH_FILE.fits(twin_file)
+    plan = WaypointPlan(
+        times=np.array([0.0, 1.0]),
+        positions=np.zeros((2, 3)),
+        quaternions=np.tile([0.0, 0.0, 0.0, 1.0], (2, 1)),
+        gripper_opening=np.zeros(2),
+        twin_id="t",
+        predicted_cost=0.0,
+    )
+    write_plan(tmp_path / "plan.json", PlanFile(plan=plan, stamp_ns=1, tolerance=0.01))
+    assert PLAN_FILE.fits(tmp_path / "plan.json")
 
 
 def test_no_subcommand_is_an_error(egophys):

@@ -78,6 +78,9 @@ def test_bad_requests_write_nothing(twin_file, tmp_path):
     with pytest.raises(DiscrepancyError, match="give the folder that `egophys diagnose` made"):
         run(twin_file, "--diagnosis", tmp_path / "no", "--out", tmp_path / "x")
     (tmp_path / "old").mkdir()
+    (tmp_path / "old/diagnosis.json").write_text("[" * 100_000)
+    with pytest.raises(DiscrepancyError, match="give the folder that `egophys diagnose` made"):
+        run(twin_file, "--diagnosis", tmp_path / "old", "--out", tmp_path / "x")
     (tmp_path / "old/diagnosis.json").write_text("{}")
     with pytest.raises(DiscrepancyError, match="diagnose again"):
         run(twin_file, "--diagnosis", tmp_path / "old", "--out", tmp_path / "x")

@@ -19,6 +19,9 @@ from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOpt
 if TYPE_CHECKING:
     from egophys_core.episode import Episode
 
+MOST_HANDS = 2
+"""Of a person."""
+
 NUMBERS = ("duration_s", "rate_hz", "points", "noise_m", "dropout", "spread")
 
 
@@ -134,6 +137,10 @@ def _handlings(
     from egophys_core.rehearsal import rehearse as rehearse_episode
     from egophys_core.rehearsal import rehearse_plans
 
+    if len({path.resolve() for path in parsed.plan}) != len(parsed.plan) or len(parsed.plan) > MOST_HANDS:
+        raise OptionsError(
+            f"--plan takes a file a hand, at most {MOST_HANDS} different ones, got {', '.join(map(str, parsed.plan))}"
+        )
     world: dict[str, Any] = {"effects": effects, "object_seed": parsed.object_seed}
     if parsed.plan:
         plans = [read_plan(path).plan for path in parsed.plan]

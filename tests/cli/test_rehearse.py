@@ -92,6 +92,9 @@ def test_plans_that_do_not_fit_together_are_refused(tmp_path):
         run("--out", tmp_path / "x", "--plan", never, *SHORT)
     with pytest.raises(PlanningError, match="must have the same times and close together"):
         run("--out", tmp_path / "x", "--plan", never, write_hand(tmp_path / "closes.json"), *SHORT)
+    for several in ([never, never], [never, tmp_path / "b", tmp_path / "c"]):
+        with pytest.raises(OptionsError, match="a file a hand, at most 2 different ones"):
+            run("--out", tmp_path / "x", "--plan", *several, *SHORT)
     assert not (tmp_path / "x").exists()
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from egophys_core.cli.display import print_json, progress_bar
+from egophys_core.cli.seed_argument import seed
 from egophys_core.errors import OptionsError, OutputError
 from egophys_core.options import from_mapping, to_mapping
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
@@ -75,8 +76,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="of the effect, in SI units, in place of the size's; EFFECT.NAME=VALUE where there are several effects",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the motions and of what is seen; default 0")
-    parser.add_argument("--object-seed", type=int, default=0, help="of the object; default 0")
+    parser.add_argument("--seed", type=seed, default=0, help="of the motions and of what is seen; default 0")
+    parser.add_argument("--object-seed", type=seed, default=0, help="of the object; default 0")
     for name in NUMBERS:
         field = RehearsalOptions.__dataclass_fields__[name]
         low, high, doc = (field.metadata[key] for key in ("low", "high", "doc"))

@@ -95,11 +95,13 @@ class MotionLimits:
         """
         content = load_mapping(path)
         if len(content) == 1 and isinstance(node := next(iter(content.values())), dict) and ROS_KEY in node:
+            if not isinstance(node[ROS_KEY], dict):
+                raise RobotError(f"{path}: {ROS_KEY} must hold 'key: value' lines, got {node[ROS_KEY]!r}")
             names = [each.name for each in fields(cls)]
             content = {
                 name: value
                 for name, value in node[ROS_KEY].items()
-                if get_close_matches(name, names, n=1, cutoff=ALIKE)
+                if get_close_matches(str(name), names, n=1, cutoff=ALIKE)
             }
         for name in ("workspace_min_m", "workspace_max_m"):
             if name in content:

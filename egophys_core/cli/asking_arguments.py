@@ -20,7 +20,9 @@ def add_hand_arguments(parser: argparse.ArgumentParser) -> None:
         "--by",
         choices=("person", "arm"),
         default="person",
-        help="who does motions: a person with two hands, or one arm within the bridge's limits (default person)",
+        help="who does motions: a person with two hands, or one arm within the bridge's limits (default person). "
+        "Motions are held against these as if the arm stood best for each: the table at z = 0 of its base, its box "
+        "about the motion in x and y",
     )
     parser.add_argument(
         "--limits", type=Path, metavar="FILE", help="YAML of the arm's limits, as the bridge takes it (default its own)"

@@ -53,6 +53,10 @@ def test_no_effect_is_the_default(tmp_path, capsys):
         (("--parameter", "z=1"), "give EFFECT.NAME=VALUE with an effect of --effect, which are none"),
         (("--effect", "grasp_slip", "gravity_scale", "--parameter", "z=1"), "which are grasp_slip, gravity_scale"),
         (("--noise-m", "2"), "noise_m must be in 0 .. 0.05"),
+        (
+            ("--points", "3", "--dropout", "0.9"),
+            "none of the 3 points is seen in the first frame: raise points or lower",
+        ),
     ],
 )
 def test_bad_requests_write_nothing(tmp_path, arguments, message):

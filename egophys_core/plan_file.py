@@ -12,7 +12,7 @@ import numpy as np
 
 from egophys_core.errors import PlanningError
 from egophys_core.files import write_json
-from egophys_core.json_numbers import nulled
+from egophys_core.json_numbers import finite_number, nulled
 from egophys_core.waypoint_plan import WaypointPlan, why_no_motion
 
 ARRAYS = {
@@ -73,7 +73,7 @@ def read_plan(path: Path) -> PlanFile:
     """
     try:
         content = json.loads(Path(path).read_text("utf-8"), parse_constant=_no_number)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise PlanningError(
             f"cannot read plan {path}: {reason}; a plan file is the JSON that `egophys plan` writes"
@@ -132,12 +132,10 @@ def _array(value: Any, key: str) -> np.ndarray:
 def _number(value: Any, key: str) -> float:
     if value is None:
         return float("nan")
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PlanningError(f"{key} must be metres or null, got {value!r}")
-    try:
-        return float(value)
-    except OverflowError:  # JSON's whole numbers have any length
-        raise PlanningError(f"{key} is a number of {len(str(value))} digits; give metres") from None
+    number = finite_number(value)
+    if number is None:
+        raise PlanningError(f"{key} must be metres or null, got {value!r:.80}")
+    return number
 
 
 def _no_number(name: str) -> float:

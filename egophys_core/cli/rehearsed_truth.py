@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from egophys_core.errors import OptionsError
+from egophys_core.json_numbers import finite_number
 from egophys_core.rehearsal import RehearsalOptions
 
 
@@ -42,7 +43,7 @@ def read_truth(folder: Path) -> RehearsedTruth:
             effects=complete_effects({_name(each): _parameters(each) for each in effects}),
             last_seed=max((_seed(each, "seed") for each in episodes), default=0),
         )
-    except (OSError, ValueError, OptionsError) as error:
+    except (OSError, ValueError, RecursionError, OptionsError) as error:
         raise OptionsError(
             f"--world {folder}: cannot use {path}: {error}; give a folder of `egophys rehearse`"
         ) from error
@@ -51,13 +52,10 @@ def read_truth(folder: Path) -> RehearsedTruth:
 def _parameters(effect: Mapping[str, Any]) -> dict[str, float]:
     found = {}
     for name, about in _mapping(effect.get("parameters"), f"`parameters` of {_name(effect)}").items():
-        value = about.get("value") if isinstance(about, Mapping) else None
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise OptionsError(f"{_name(effect)}: {name} must have a number as its `value`, got {about!r:.80}")
-        try:
-            found[name] = float(value)
-        except OverflowError:  # JSON's whole numbers have any length
-            raise OptionsError(f"{_name(effect)}: {name} is too large") from None
+        value = finite_number(about.get("value")) if isinstance(about, Mapping) else None
+        if value is None:
+            raise OptionsError(f"{_name(effect)}: {name} must have a finite number as its `value`, got {about!r:.80}")
+        found[name] = value
     return found
 
 

@@ -11,6 +11,7 @@ from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.diagnosis.saving import DIAGNOSIS_NAME
 from egophys_core.effects import effect_named
 from egophys_core.errors import DiscrepancyError, TwinError
+from egophys_core.json_numbers import finite_number
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +38,7 @@ def read_open_questions(folder: Path) -> OpenQuestions:
     path = folder / DIAGNOSIS_NAME
     try:
         content = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DiscrepancyError(f"cannot read {path}: {error}; give the folder that `egophys diagnose` made") from error
     try:
         return open_questions(content)
@@ -104,10 +105,8 @@ def _limit(value: Any) -> DetectionLimit:
 
 def _number(value: Any, what: str, *, low: float = -math.inf) -> float:
     """A finite number above `low`."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low < value < math.inf:
+    number = finite_number(value)
+    if number is None or not number > low:
         above = "" if low == -math.inf else f" above {low:g}"
         raise DiscrepancyError(f"{what} must be a finite number{above}, got {value!r:.80}")
-    try:
-        return float(value)
-    except OverflowError:  # JSON's whole numbers have any length
-        raise DiscrepancyError(f"{what} is too large") from None
+    return number

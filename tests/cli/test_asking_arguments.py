@@ -91,9 +91,12 @@ def test_the_truth_of_a_rehearsal_is_read(tmp_path):
         ({"effects": [{"name": 5}]}, "the `name` of an effect must be a text, got 5"),
         ({"effects": [{"name": "quadratic_drag", "parameters": []}]}, "`parameters` of quadratic_drag must be a JSON"),
         ({"effects": [{"name": "quadratic_drga", "parameters": {}}]}, "unknown effect 'quadratic_drga'; did you mean"),
-        (drag_of(value=float("nan")), "quadratic_drag: coefficient must be a finite number, got nan"),
-        (drag_of(value=10**400), "quadratic_drag: coefficient is too large"),
-        (drag_of(value="3"), "quadratic_drag: coefficient must have a number as its `value`"),
+        (
+            drag_of(value=float("nan")),
+            "quadratic_drag: coefficient must have a finite number as its `value`, got .*nan",
+        ),
+        (drag_of(value=10**400), "quadratic_drag: coefficient must have a finite"),
+        (drag_of(value="3"), "quadratic_drag: coefficient must have a finite number"),
     ],
 )
 def test_a_damaged_truth_is_refused_before_a_diagnosis(tmp_path, change, text):

@@ -45,7 +45,7 @@ def test_content_that_is_no_diagnosis_is_refused(path, content):
         ({"candidates": [{}]}, "`candidates` must name effects, got None"),
         ({"ambiguous": "drag"}, "`ambiguous` must be a list"),
         ({"scale_m": None}, "`scale_m` must be a finite number above 0, got None"),
-        ({"scale_m": 10**400}, "`scale_m` is too large"),
+        ({"scale_m": 10**400}, "`scale_m` must be a finite number above 0, got 1000"),
     ],
 )
 def test_damaged_content_is_refused_with_the_key(path, change, text):

@@ -88,10 +88,11 @@ class Episode:
             raise EpisodeError(f"{self.name}: point {self.point_ids[index]} is infinite at frame {frame}")
         if not self.visible.any(axis=1)[0]:
             raise EpisodeError(f"{self.name}: no object point is visible in the first frame; start the bag later")
-        largest = float(np.nanmax(np.abs(points)))
+        largest = max(float(np.nanmax(np.abs(points))), float(np.abs(controllers).max(initial=0.0)))
         if largest > LARGEST_SCENE_M:
             raise EpisodeError(
-                f"{self.name}: a coordinate of {largest:.0f} m; points must be in metres: divide millimetres by 1000"
+                f"{self.name}: a coordinate of {largest:.4g} m; points and controllers must be in metres: divide "
+                "millimetres by 1000"
             )
 
     @property

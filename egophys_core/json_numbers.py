@@ -1,4 +1,4 @@
-"""Numbers that JSON does not have."""
+"""Numbers that JSON does not have, and those that floats do not."""
 
 import math
 from collections.abc import Mapping
@@ -12,3 +12,14 @@ def nulled(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [nulled(each) for each in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def finite_number(value: Any) -> float | None:
+    """A number of JSON as a float; None for what is none, or beyond all floats: JSON's numbers have any length."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

@@ -59,7 +59,7 @@ def from_mapping(cls: type[T], values: Mapping[str, Any]) -> T:
     converted: dict[str, Any] = {}
     for name, value in values.items():
         if name not in fields:
-            near = difflib.get_close_matches(name, fields, n=1, cutoff=0.0)
+            near = difflib.get_close_matches(str(name), fields, n=1, cutoff=0.0)
             raise OptionsError(f"unknown option {name!r}; did you mean {near[0]!r}? There are {', '.join(fields)}")
         converted[name] = _convert(name, value, fields[name].default)
     return cls(**converted)
@@ -87,8 +87,17 @@ def _convert(name: str, value: Any, default: Any) -> Any:
         raise OptionsError(f"{name} must be {len(default)} numbers, got {value!r}")
     # In Python a bool is an int; `generations: yes` must not be 1.
     if isinstance(value, bool) == (kind is bool):
-        if kind is float and isinstance(value, int | float):
-            return float(value)
         if isinstance(value, kind):
             return value
+        # YAML takes 1e3 for a text, 1.0e+3 for a number that is not whole.
+        if kind in (int, float) and (found := _number(value)) is not None and (kind is float or found.is_integer()):
+            return kind(found)
     raise OptionsError(f"{name} must be of type {kind.__name__}, got {value!r}")
+
+
+def _number(value: Any) -> float | None:
+    """A number that is one or is written as one, None if it is neither."""
+    try:
+        return float(value) if isinstance(value, int | float | str) else None
+    except (ValueError, OverflowError):
+        return None

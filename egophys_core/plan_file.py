@@ -12,8 +12,8 @@ import numpy as np
 
 from egophys_core.errors import PlanningError
 from egophys_core.files import FileKind, write_json
-from egophys_core.json_numbers import nulled
-from egophys_core.waypoint_plan import WaypointPlan
+from egophys_core.json_numbers import finite_number, nulled
+from egophys_core.waypoint_plan import WaypointPlan, why_no_motion
 
 ARRAYS = {
     "times_s": "times",
@@ -24,6 +24,8 @@ ARRAYS = {
 """Keys of the file and the fields of `WaypointPlan` they hold."""
 
 PLAN_FILE = FileKind(name="a plan", head=rb'\s*\{.*"stamp_ns":')
+LATEST_STAMP_NS = 2**63
+"""What a clock of nanoseconds counts to, in the year 2262."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +69,8 @@ def read_plan(path: Path) -> PlanFile:
     """Read a plan file. Whether an arm may execute it is for `egophys_core.robot.check_plan` to say.
 
     Raises:
-        PlanningError: absent, not JSON, keys missing or unknown, or a value of the wrong type or shape.
+        PlanningError: absent, not JSON, keys missing or unknown, a value of the wrong type or shape, or numbers that
+            are no motion of a hand or an arm.
     """
     try:
         content = json.loads(Path(path).read_text("utf-8"), parse_constant=_no_number)
@@ -94,7 +97,7 @@ def _plan_of(content: Any) -> PlanFile:
     if missing:
         raise PlanningError(f"it lacks {', '.join(missing)}; write it with `egophys plan`")
     stamp_ns, twin_id, reached = content["stamp_ns"], content["twin_id"], content["reached"]
-    if type(stamp_ns) is not int or stamp_ns < 0:
+    if type(stamp_ns) is not int or not 0 <= stamp_ns < LATEST_STAMP_NS:
         raise PlanningError(f"stamp_ns must be whole nanoseconds since the epoch, got {stamp_ns!r}")
     if not isinstance(twin_id, str):
         raise PlanningError(f"twin_id must be a text, got {twin_id!r}")
@@ -107,6 +110,8 @@ def _plan_of(content: Any) -> PlanFile:
         stamp_ns=stamp_ns,
         tolerance=_number(content["tolerance_m"], "tolerance_m"),
     )
+    if reason := why_no_motion(found.plan):
+        raise PlanningError(reason)
     if reached is not found.reached:
         raise PlanningError(
             f"reached is {json.dumps(reached)}, but a predicted cost of {found.plan.predicted_cost:g} m with a "
@@ -128,9 +133,10 @@ def _array(value: Any, key: str) -> np.ndarray:
 def _number(value: Any, key: str) -> float:
     if value is None:
         return float("nan")
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise PlanningError(f"{key} must be metres or null, got {value!r}")
-    return float(value)
+    number = finite_number(value)
+    if number is None:
+        raise PlanningError(f"{key} must be metres or null, got {value!r:.80}")
+    return number
 
 
 def _no_number(name: str) -> float:

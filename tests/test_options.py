@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import pytest
+import yaml
 
 from egophys_core.errors import OptionsError
 from egophys_core.identification import FitOptions
@@ -36,6 +37,21 @@ def test_values_are_taken_and_converted():
     assert all(isinstance(each, float) for each in options.corner_m)
 
 
+@pytest.mark.parametrize(
+    ("written", "options"),
+    [
+        ("count: 4.0", Example(count=4)),
+        ("count: 1e1", Example(count=10)),
+        ("share: 1e-3", Example(share=0.001)),
+        ("corner_m: [1e-3, 1, 2.0]", Example(corner_m=(0.001, 1.0, 2.0))),
+    ],
+)
+def test_numbers_are_taken_however_yaml_reads_them(written, options):
+    found = from_mapping(Example, yaml.safe_load(written))
+    assert found == options
+    assert isinstance(found.count, int)
+
+
 def test_nothing_given_is_the_default():
     assert from_mapping(Example, {}) == Example()
 
@@ -53,6 +69,12 @@ def test_unknown_name_suggests_the_nearest_and_lists_all(name, near):
         from_mapping(Example, {name: 1})
 
 
+@pytest.mark.parametrize("key", [5, None])
+def test_a_key_that_is_no_text_is_an_unknown_name(key):
+    with pytest.raises(OptionsError, match=f"unknown option {key}; .*There are count, share, colour"):
+        from_mapping(Example, {key: 1})
+
+
 @pytest.mark.parametrize(
     ("values", "text"),
     [
@@ -61,7 +83,10 @@ def test_unknown_name_suggests_the_nearest_and_lists_all(name, near):
         ({"share": 1.0001}, r"share must be in 0 \.\. 1, got 1.0001"),
         ({"share": float("nan")}, "share must be in"),
         ({"count": 2.5}, "count must be of type int, got 2.5"),
-        ({"count": "3"}, "count must be of type int, got '3'"),
+        ({"count": "3.5"}, "count must be of type int, got '3.5'"),
+        ({"count": float("inf")}, "count must be of type int, got inf"),
+        ({"share": 10**400}, "share must be of type float, got 1000"),
+        ({"loud": "yes"}, "loud must be of type bool, got 'yes'"),
         ({"count": True}, "count must be of type int, got True"),
         ({"share": "much"}, "share must be of type float"),
         ({"share": None}, "share must be of type float, got None"),

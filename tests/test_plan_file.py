@@ -64,6 +64,16 @@ def test_a_plan_that_ends_too_far_off_has_not_reached_its_target(path):
         ({"times_s": ["0", "1"]}, "times_s must be numbers"),
         ({"times_s": [0.0]}, "for 1 waypoints"),
         ({"times_s": []}, "at least one waypoint"),
+        ({"times_s": 5}, r"plan times must be \[W\] seconds, one a waypoint, got \(\)"),
+        ({"times_s": [-5.0, -4.0]}, "waypoint 0: time -5.000 s is before the start"),
+        ({"times_s": [0.0, 0.0]}, "waypoint 1 .* 0.0000 s after the waypoint before it"),
+        ({"positions_m": [[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]]}, "waypoint 1 .* farther than 20 m .*; give metres"),
+        ({"positions_m": [[0.0, 0.0, float("inf")], [0.0, 0.0, 0.0]]}, "waypoint 0: position .* is not finite"),
+        ({"quaternions_xyzw": [[0.0] * 4] * 2}, "waypoint 0 .* has length 0.0000, must be 1"),
+        ({"quaternions_xyzw": [[9.0, 0.0, 0.0, 0.0]] * 2}, "waypoint 0 .* has length 9.0000, must be 1"),
+        ({"gripper_opening_m": [-1.0, 0.0]}, r"waypoint 0 .* -1.0000 m is outside 0 \.\. 0.2 m"),
+        ({"predicted_cost_m": 10**400}, "predicted_cost_m must be metres or null, got 1000"),
+        ({"stamp_ns": 10**400}, "stamp_ns must be whole nanoseconds"),
         ({"positions_m": [[0, 0, 0], [0, 0]]}, "positions_m must be numbers, one row a waypoint, all of one length"),
         ({"positions_m": [[0, 0, None], [0, 0, 1]]}, "positions_m must be numbers"),
         ({"stamp_ns": 1.5}, "stamp_ns must be whole nanoseconds since the epoch, got 1.5"),
@@ -74,7 +84,8 @@ def test_a_plan_that_ends_too_far_off_has_not_reached_its_target(path):
     ],
 )
 def test_content_that_is_no_plan_is_refused(path, change, text):
-    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    # A number beyond all floats is how JSON has infinity.
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}).replace("Infinity", "1e999"))
     with pytest.raises(PlanningError, match=rf"plan .*plan.json: .*{text}"):
         read_plan(path)
 

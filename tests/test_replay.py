@@ -22,8 +22,8 @@ from egophys_core.planning import (
     rollout_plans,
     twin_costs,
 )
-from egophys_core.recording import read_episode, write_episode
-from egophys_core.replay import ReplayOutcome, replay_log
+from egophys_core.recording import jazzy_types, read_episode, write_episode
+from egophys_core.replay import ReplayOutcome, log, replay_log
 from tests.cli.loop_log import BYTES, FAILED, RUNNING, SEED, STRING, SUCCEEDED, Entry, Loop, cdr, job, model, write_log
 from tests.identification.synthetic import sheet_episode
 
@@ -319,6 +319,14 @@ def test_nodes_in_a_namespace_or_of_other_names_are_found(loop, tmp_path, capsys
     assert main(["replay", str(both)]) == 2
     assert "recorded of /b/twin_node and /lab/twin_node; choose one with --twin-node" in capsys.readouterr().err
     assert main(["replay", str(both), "--twin-node", "/b/twin_node"]) == 0
+
+
+def test_log_without_definitions_says_how_to_record_one(loop, tmp_path, monkeypatch):
+    # As one in SQLite has them: none.
+    monkeypatch.setattr(log, "types_of_topics", lambda topics: jazzy_types())
+    folder = write_log(tmp_path / "log", loop.entries())
+    with pytest.raises(RecordingError, match=r"does not hold the definition of egophys_msgs/msg/.* needs; record"):
+        replay_log(folder)
 
 
 def test_bag_that_is_no_log_is_bad_input(tmp_path, capsys):

@@ -1,11 +1,11 @@
 """Command-line arguments for motions that are asked for: whose hands do them, how many, and in which world."""
 
 import argparse
-import json
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from egophys_core.cli.rehearsed_truth import read_truth
 from egophys_core.errors import OptionsError
 
 if TYPE_CHECKING:
@@ -21,7 +21,9 @@ def add_hand_arguments(parser: argparse.ArgumentParser) -> None:
         "--by",
         choices=("person", "arm"),
         default="person",
-        help="who does motions: a person with two hands, or one arm within the bridge's limits (default person)",
+        help="who does motions: a person with two hands, or one arm within the bridge's limits (default person). "
+        "Motions are held against these as if the arm stood best for each: the table at z = 0 of its base, its box "
+        "about the motion in x and y",
     )
     parser.add_argument(
         "--limits", type=Path, metavar="FILE", help="YAML of the arm's limits, as the bridge takes it (default its own)"
@@ -89,23 +91,10 @@ def rehearsed_world(folder: Path, twin: "Twin", out: Path) -> "World":
     """
     from egophys_core.experiments import save_experiment
     from egophys_core.experiments.hand_path import plan_of_path
-    from egophys_core.options import from_mapping
     from egophys_core.recording import write_episode
-    from egophys_core.rehearsal import RehearsalOptions, rehearse_plans
+    from egophys_core.rehearsal import rehearse_plans
 
-    path = folder / "truth.json"
-    try:
-        truth: dict[str, Any] = json.loads(path.read_text("utf-8"))
-        options = from_mapping(RehearsalOptions, truth["options"])
-        object_seed = int(truth["object_seed"])
-        effects = {
-            each["name"]: {name: float(value["value"]) for name, value in each["parameters"].items()}
-            for each in truth["effects"]
-        }
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise OptionsError(
-            f"--world {folder}: cannot read {path}: {error}; give a folder of `egophys rehearse`"
-        ) from error
+    truth = read_truth(folder)
 
     def handle(proposal: "Proposal", number: int) -> "Episode":
         name = f"motion_{number}"
@@ -113,8 +102,10 @@ def rehearsed_world(folder: Path, twin: "Twin", out: Path) -> "World":
         save_experiment([proposal], twin, out / name, stamp_ns=time.time_ns())
         plans = [plan_of_path(each, twin.twin_id) for each in proposal.motion.paths]
         # Another seed than those of the folder, so that it is seen with noise of its own.
-        seed = 1000 + number + max((int(each["seed"]) for each in truth["episodes"]), default=0)
-        episode = rehearse_plans(options, plans, name=name, seed=seed, effects=effects, object_seed=object_seed)
+        seed = 1000 + number + truth.last_seed
+        episode = rehearse_plans(
+            truth.options, plans, name=name, seed=seed, effects=truth.effects, object_seed=truth.object_seed
+        )
         write_episode(episode, out / name / name)
         return episode
 

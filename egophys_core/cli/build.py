@@ -10,6 +10,7 @@ from egophys_core.cli.display import print_json, print_scores, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
+from egophys_core.cli.seed_argument import seed
 from egophys_core.errors import OptionsError
 from egophys_core.files import require_writable
 from egophys_core.identification.options import FitOptions
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_declared_arguments(parser)
     parser.add_argument("--force", action="store_true", help="build from a video of which the verdict is poor, too")
     parser.add_argument("--out", required=True, type=Path, metavar="TWIN", help="twin file to write (.twin)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the search (default 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="seed of the search (default 0)")
     parser.add_argument(
         "--checkpoint",
         type=Path,

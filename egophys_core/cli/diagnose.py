@@ -9,6 +9,7 @@ from egophys_core.cli.declared_arguments import add_declared_arguments, as_decla
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
+from egophys_core.cli.seed_argument import seed
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.files import require_apart
 
@@ -45,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--without", nargs="+", default=[], metavar="EFFECT", help="effects of the library to leave out, by name"
     )
-    parser.add_argument("--seed", type=int, default=0, help="of surrogates and resamples (default 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="of surrogates and resamples (default 0)")
     parser.add_argument("--json", action="store_true", help="print the content of diagnosis.json instead of a summary")
     add_load_argument(parser)
     add_ask_arguments(parser)

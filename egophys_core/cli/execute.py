@@ -1,6 +1,7 @@
 """`egophys execute PLAN --robot-ip IP --calibration FILE`."""
 
 import argparse
+import math
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--params-file", type=Path, metavar="YAML", help="limits, as the bridge's parameters (default: its defaults)"
     )
-    parser.add_argument("--max-age", type=float, default=MAX_AGE_S, metavar="S", help="of the plan; 0 for any age")
+    parser.add_argument("--max-age", type=_age, default=MAX_AGE_S, metavar="S", help="of the plan; 0 for any age")
     parser.add_argument("--check", action="store_true", help="judge the plan from where the arm stands; move nothing")
     parser.add_argument("--allow-emulator", action="store_true", help="take an emulated control box for the arm")
     parser.add_argument("--no-gripper", action="store_true", help="do not move a gripper")
@@ -49,7 +50,9 @@ def run(parsed: argparse.Namespace) -> int:
     )
 
     file = read_plan(parsed.plan)
-    check_origin(file.plan, file.stamp_ns, time.time_ns(), Origin(twin_id="", max_age=parsed.max_age))
+    check_origin(
+        file.plan, file.stamp_ns, time.time_ns(), Origin(twin_id="", max_age=parsed.max_age, max_age_name="--max-age")
+    )
     limits = MotionLimits.load(parsed.params_file) if parsed.params_file else MotionLimits()
     calibration = Calibration.load(parsed.calibration)
     driver = load_driver(parsed.driver, parsed.robot_ip)
@@ -78,6 +81,21 @@ def run(parsed: argparse.Namespace) -> int:
             ownership.release()
     finally:
         driver.close()
+
+
+def _age(text: str) -> float:
+    """Seconds from the command line.
+
+    Raises:
+        argparse.ArgumentTypeError: it is no finite number from 0 on.
+    """
+    try:
+        age = float(text)
+    except ValueError:
+        age = math.nan
+    if not 0.0 <= age < math.inf:
+        raise argparse.ArgumentTypeError(f"must be seconds from 0 on, 0 for any age, got {text!r}")
+    return age
 
 
 def _execute(executor: "PlanExecutor", plan: "WaypointPlan") -> int:

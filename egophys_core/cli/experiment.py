@@ -7,6 +7,7 @@ from typing import Any
 
 from egophys_core.cli.asking_arguments import add_hand_arguments, hands_of
 from egophys_core.cli.display import print_json, print_table, progress_bar
+from egophys_core.errors import OptionsError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +39,7 @@ def run(parsed: argparse.Namespace) -> int:
     from egophys_core.diagnosis.verdict.thresholds import Thresholds
     from egophys_core.effects import LIBRARY, effect_named
     from egophys_core.experiments import choose, save_experiment
-    from egophys_core.experiments.open_questions import known_limits, left_open, read_content
+    from egophys_core.experiments.open_questions import read_open_questions
     from egophys_core.twin import load_twin
 
     for name in parsed.effects:
@@ -46,17 +47,19 @@ def run(parsed: argparse.Namespace) -> int:
     hands = hands_of(parsed)
     require_new_folder(parsed.out)
     twin = load_twin(parsed.twin)
-    content = read_content(parsed.diagnosis) if parsed.diagnosis else None
-    asked = parsed.effects or (left_open(content) if content else list(LIBRARY))
+    questions = read_open_questions(parsed.diagnosis) if parsed.diagnosis else None
+    asked = parsed.effects or (questions.effects if questions else list(LIBRARY))
+    if not asked:
+        raise OptionsError(f"the diagnosis in {parsed.diagnosis} leaves no effect open; name some with --effects")
     with progress_bar() as report:
         proposals = choose(
             twin,
             asked,
             hands,
-            known=known_limits(content) if content else (),
-            rivals=content["ambiguous"] if content else (),
+            known=questions.limits if questions else (),
+            rivals=questions.ambiguous if questions else (),
             needed_gain=Thresholds().least_gain,
-            least_scale=content["scale_m"] if content else Thresholds().floor_m / 2.0,
+            least_scale=questions.scale_m if questions else Thresholds().floor_m / 2.0,
             progress=report,
         )
     told = save_experiment(proposals, twin, parsed.out, stamp_ns=time.time_ns())

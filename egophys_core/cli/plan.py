@@ -6,6 +6,7 @@ from pathlib import Path
 
 from egophys_core.cli.display import progress_bar
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
+from egophys_core.cli.seed_argument import seed
 from egophys_core.files import require_writable
 from egophys_core.planning.options import PlanOptions
 
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "for the twin (default: where the twin was built)",
     )
     parser.add_argument("--out", required=True, type=Path, metavar="PLAN", help="JSON file to write")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the samples (default 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="seed of the samples (default 0)")
     add_option_arguments(parser, PlanOptions)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from egophys_core.cli.display import print_json, progress_bar
+from egophys_core.cli.seed_argument import seed
 from egophys_core.errors import OptionsError, OutputError
 from egophys_core.files import hidden_folder, require_place
 from egophys_core.options import from_mapping, to_mapping
@@ -18,6 +19,9 @@ from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOpt
 
 if TYPE_CHECKING:
     from egophys_core.episode import Episode
+
+MOST_HANDS = 2
+"""Of a person."""
 
 NUMBERS = ("duration_s", "rate_hz", "points", "noise_m", "dropout", "spread")
 
@@ -72,8 +76,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUE",
         help="of the effect, in SI units, in place of the size's; EFFECT.NAME=VALUE where there are several effects",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the motions and of what is seen; default 0")
-    parser.add_argument("--object-seed", type=int, default=0, help="of the object; default 0")
+    parser.add_argument("--seed", type=seed, default=0, help="of the motions and of what is seen; default 0")
+    parser.add_argument("--object-seed", type=seed, default=0, help="of the object; default 0")
     for name in NUMBERS:
         field = RehearsalOptions.__dataclass_fields__[name]
         low, high, doc = (field.metadata[key] for key in ("low", "high", "doc"))
@@ -133,6 +137,10 @@ def _handlings(
     from egophys_core.rehearsal import rehearse as rehearse_episode
     from egophys_core.rehearsal import rehearse_plans
 
+    if len({path.resolve() for path in parsed.plan}) != len(parsed.plan) or len(parsed.plan) > MOST_HANDS:
+        raise OptionsError(
+            f"--plan takes a file a hand, at most {MOST_HANDS} different ones, got {', '.join(map(str, parsed.plan))}"
+        )
     world: dict[str, Any] = {"effects": effects, "object_seed": parsed.object_seed}
     if parsed.plan:
         plans = [read_plan(path).plan for path in parsed.plan]

@@ -11,7 +11,7 @@ from egophys_core.effects import effect_named
 from egophys_core.errors import PlanningError
 from egophys_core.experiments.choice import Proposal, choose
 from egophys_core.experiments.family import HandLimits
-from egophys_core.experiments.open_questions import known_limits, left_open
+from egophys_core.experiments.open_questions import open_questions
 from egophys_core.observation import AnyEpisode
 from egophys_core.twin import Twin
 
@@ -188,17 +188,17 @@ def next_motion(
         done: names of motions that were asked for already.
         progress: called with stage and share done.
     """
-    content = finding.diagnosis.as_dict()
+    questions = open_questions(finding.diagnosis.as_dict())
     try:
         (best,) = choose(
             finding.twin,
-            [name for name in left_open(content) if name not in without],
+            [name for name in questions.effects if name not in without],
             limits,
-            known=known_limits(content),
-            rivals=finding.diagnosis.ambiguous,
+            known=questions.limits,
+            rivals=questions.ambiguous,
             done=done,
             needed_gain=Thresholds().least_gain,
-            least_scale=finding.diagnosis.scale_m,
+            least_scale=questions.scale_m,
             most=1,
             progress=progress,
         )

@@ -8,7 +8,8 @@ import numpy as np
 from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.effects import effect_named
 from egophys_core.errors import EgophysError, PlanningError
-from egophys_core.experiments.family import HandLimits, HandMotion, motions_for
+from egophys_core.experiments.arm_limits import why_no_motion_of_an_arm
+from egophys_core.experiments.family import LONGEST_S, HandLimits, HandMotion, motions_for
 from egophys_core.experiments.prediction import predicted_episode
 from egophys_core.experiments.sensitivity import limits_in
 from egophys_core.twin import Twin
@@ -63,9 +64,7 @@ def choose(
         PlanningError: hands can do none of the motions with the object, or no other, or the twin can be simulated in
             none.
     """
-    motions = [motion for motion in motions_for(twin, limits) if motion.name not in done]
-    if not motions:
-        raise PlanningError(f"hands can do no motion with the object but those that were asked for: {', '.join(done)}")
+    motions = _motions_left(twin, limits, done)
     shown: dict[str, tuple[DetectionLimit, ...]] = {}
 
     def limits_of(motion: HandMotion, *, refitted: bool) -> tuple[DetectionLimit, ...] | None:
@@ -102,6 +101,34 @@ def choose(
         proposals.append(_proposal(best.motion, before, closer, rivals))
         before = proposals[-1].after
     return proposals
+
+
+def _motions_left(twin: Twin, limits: HandLimits, done: Collection[str]) -> list[HandMotion]:
+    """The motions that can be done and were not asked for; at least one.
+
+    Raises:
+        PlanningError: there is none; says why.
+    """
+    left, refused = list[HandMotion](), dict[str, list[str]]()
+    for motion in motions_for(twin, limits):
+        if motion.name in done:
+            continue
+        reason = why_no_motion_of_an_arm(motion, twin, limits.arm) if limits.arm else None
+        if reason is None:
+            left.append(motion)
+        else:
+            refused.setdefault(reason, []).append(motion.name)
+    if left:
+        return left
+    if refused:
+        reasons = [f"not {', '.join(map(repr, names))} ({reason})" for reason, names in refused.items()]
+        raise PlanningError(f"the limits of the arm allow no motion with the object: {', '.join(reasons)}")
+    if done:
+        raise PlanningError(f"hands can do no motion with the object but those that were asked for: {', '.join(done)}")
+    raise PlanningError(
+        f"at most {limits.fastest_m_s:g} m/s is too slow for any motion of at most {LONGEST_S:g} s with the object; "
+        "allow a higher speed"
+    )
 
 
 def _proposal(

@@ -54,6 +54,8 @@ class HandLimits:
     """Of a wrist."""
     highest_m: float
     """Of a hand above the table."""
+    arm: MotionLimits | None = None
+    """What plans of an arm are held against; None for hands that follow no plan."""
 
 
 PERSON = HandLimits(hands=2, fastest_m_s=1.2, fastest_turn_rad_s=3.0, highest_m=0.6)
@@ -67,6 +69,7 @@ def arm_hands(limits: MotionLimits) -> HandLimits:
         fastest_m_s=limits.max_speed_m_s,
         fastest_turn_rad_s=limits.max_angular_speed_rad_s,
         highest_m=limits.workspace_max_m[2],
+        arm=limits,
     )
 
 
@@ -153,6 +156,12 @@ class TableTop:
         return np.array([0.0, 0.0, 0.0 if self.hangs else min(self.below + CLEARANCE_M, self.highest)])
 
 
+def hangs_in_a_hand(twin: Twin) -> bool:
+    """Whether an object hangs in a hand from the start of its recordings, far above any table."""
+    lowest = float(twin.model.graph.positions[:, 2].min())
+    return lowest - twin.ground_height > NO_TABLE_M and len(twin.grasp) > 0
+
+
 def motions_for(twin: Twin, limits: HandLimits) -> list[HandMotion]:
     """The motions that can be done with an object, with one hand and, where there are two, with both.
 
@@ -162,9 +171,8 @@ def motions_for(twin: Twin, limits: HandLimits) -> list[HandMotion]:
         PlanningError: it is of a kind that does not lie on a table, nor hangs in a hand.
     """
     model, found = twin.model, list[HandMotion]()
-    lowest = float(model.graph.positions[:, 2].min())
     tops = []
-    if lowest - twin.ground_height > NO_TABLE_M and len(twin.grasp):
+    if hangs_in_a_hand(twin):
         place = twin.grasp.mean(axis=0, dtype=np.float64)
         tops.append((place[None], twin.grasp - place, limits, True))
     else:

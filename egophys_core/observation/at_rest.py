@@ -55,19 +55,25 @@ def from_rest(episode: Episode, still: int, delay: float) -> Episode:
     shown = episode.from_frame(first)
     points = shown.points.copy()
     if len(usual):
-        places = np.nanmedian(episode.points[usual], axis=0)
-        seen = np.isfinite(points[0])
-        points[0][seen] = places[seen]
+        seen = np.isfinite(points[0]).all(axis=1)
+        points[0][seen] = np.nanmedian(episode.points[np.ix_(usual, seen)], axis=0)
     return replace(shown, points=points)
 
 
 def _unusual(episode: Episode, delay: float) -> np.ndarray:
-    """[T] metres: by how much distances of near tracks from the hands are not those of the whole record (medians)."""
+    """[T] metres: by how much distances of near tracks from the hands are not those of the whole record (medians); NaN
+    where none of these is seen."""
     hands = values_at(episode.times, episode.controllers, episode.times - delay)
-    away = np.linalg.norm(episode.points[:, :, None] - hands[:, None], axis=3)
+    points = episode.points[:, episode.visible.any(axis=0)]
+    away = np.linalg.norm(points[:, :, None] - hands[:, None], axis=3)
     usual = np.nanmedian(away, axis=0)
     near = usual < NEAR_M
-    return np.asarray(np.nanmedian(np.abs(away - usual)[:, near], axis=1)) if near.any() else np.zeros(episode.frames)
+    if not near.any():
+        return np.zeros(episode.frames)
+    off = np.abs(away - usual)[:, near]
+    found, shown = np.full(episode.frames, np.nan), np.isfinite(off).any(axis=1)
+    found[shown] = np.nanmedian(off[shown], axis=1)
+    return found
 
 
 def _moving(episode: Episode, delay: float) -> int:

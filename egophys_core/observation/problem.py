@@ -45,7 +45,11 @@ class FitProblem:
     @property
     def first_frame(self) -> int:
         """Frame at which fitting rollouts begin, with the object at rest."""
-        return max(0, min(hand.first for hand in self.hands if hand.touches) - LEAD_FRAMES)
+        return max(0, self._first_contact - LEAD_FRAMES)
+
+    @property
+    def _first_contact(self) -> int:
+        return min(hand.first for hand in self.hands if hand.touches)
 
     def require_train_frames(self) -> None:
         """Check that there is something to fit.
@@ -53,11 +57,11 @@ class FitProblem:
         Raises:
             EpisodeError: the first contact comes too late.
         """
-        contact, train = self.first_frame + LEAD_FRAMES, self.episode.train_frames
-        if train - contact < FEWEST_CONTACT_FRAMES:
+        train, needed = self.episode.train_frames, self.first_frame + LEAD_FRAMES + FEWEST_CONTACT_FRAMES
+        if train < needed:
             raise EpisodeError(
-                f"{self.episode.name}: the first contact is at frame {contact}, the fitted frames end at {train - 1}; "
-                "record more of the handling (the first 70 % of the frames are fitted)"
+                f"{self.episode.name}: of its {self.episode.frames} frames the first {train} (70 %) are fitted; with "
+                f"the first contact at frame {self._first_contact} it takes {needed}: record more of the handling"
             )
 
     def train_controls(self) -> Controls:

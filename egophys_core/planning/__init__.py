@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from egophys_core.planning.mppi import ForwardModel, plan_to_target
     from egophys_core.planning.start import Start, carried_start, start_of_twin
     from egophys_core.planning.start_source import start_of_source
-    from egophys_core.planning.target import TargetText, check_target, parse_target, target_points
+    from egophys_core.planning.target import TargetText, check_shape, parse_target, target_points
 
 __all__ = [
     "ForwardModel",
@@ -21,7 +21,7 @@ __all__ = [
     "Start",
     "TargetText",
     "carried_start",
-    "check_target",
+    "check_shape",
     "controls_of_plan",
     "final_shapes",
     "grasp_from_points",

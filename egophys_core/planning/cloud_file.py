@@ -11,8 +11,12 @@ HEADER_LINES = 20
 """Lines within which the header of a .pcd file ends, comments included."""
 
 
-def read_cloud(path: Path) -> np.ndarray:
+def read_cloud(path: Path, what: str) -> np.ndarray:
     """[P, 3] float64, as the file has them: neither their unit nor that they are finite is checked.
+
+    Args:
+        path: the file.
+        what: it is read as, for messages: target, start.
 
     Raises:
         PlanningError: absent, cut, of another kind, or not P rows of three numbers.
@@ -20,12 +24,12 @@ def read_cloud(path: Path) -> np.ndarray:
     try:
         points = np.asarray(READERS[path.suffix.lower()](path))
     except OSError as error:
-        raise PlanningError(f"cannot read target {path}: {error.strerror or error}") from error
+        raise PlanningError(f"cannot read {what} {path}: {error.strerror or error}") from error
     except Exception as error:
         # The readers raise whatever a broken file does to their arithmetic.
-        raise PlanningError(f"cannot read target {path}: not a readable {path.suffix} file: {error}") from error
+        raise PlanningError(f"cannot read {what} {path}: not a readable {path.suffix} file: {error}") from error
     if points.ndim != 2 or points.shape[1] != 3 or points.dtype.kind not in "iuf":
-        raise PlanningError(f"target {path} must be [P, 3] points in metres, got {points.dtype} {points.shape}")
+        raise PlanningError(f"{what} {path} must be [P, 3] points in metres, got {points.dtype} {points.shape}")
     return points.astype(np.float64)
 
 

@@ -86,17 +86,17 @@ def target_points(target: TargetText, present: np.ndarray, *, object_topic: str 
     """
     points = present if target.source == PRESENT else _read(target.source, object_topic)
     name = f"target {target.source}"
-    check_target(points, present, name)
+    check_shape(points, present, name)
     points = points[:: -(-len(points) // MOST_POINTS)].astype(np.float64)
     if any(target.rotate):
         centre = points.mean(axis=0)
         points = Rotation.from_euler("xyz", target.rotate, degrees=True).apply(points - centre) + centre
     moved = points + np.array(target.translate)
-    check_target(moved, present, name)
+    check_shape(moved, present, name)
     return moved.astype(np.float32)
 
 
-def check_target(points: np.ndarray, present: np.ndarray, name: str) -> None:
+def check_shape(points: np.ndarray, present: np.ndarray, name: str) -> None:
     """Check that points [P, 3] can be a shape of the object that is at [S, 3], both metres.
 
     Raises:
@@ -125,7 +125,7 @@ def _read(source: str, object_topic: str) -> np.ndarray:
     if frame and (suffix in READERS or suffix == TWIN_SUFFIX):
         raise PlanningError(f"target {source}: only a bag has frames, leave @{frame} out")
     if suffix in READERS:
-        return read_cloud(path)
+        return read_cloud(path, "target")
     if suffix == TWIN_SUFFIX:
         graph = load_twin(path).model.graph
         return graph.positions[graph.surface]

@@ -140,6 +140,7 @@ def _decode(record: Record, name: str, frame: str) -> PointFrame:
     if message.frame_id != frame:
         raise EpisodeError(
             f"{source}: the points are in frame {message.frame_id!r}, needed is {frame!r} (z up, metres). "
-            f"Transform them, or if {message.frame_id!r} is that frame, give frame={message.frame_id!r}"
+            f"Transform them, or if {message.frame_id!r} is that frame by another name, record them with frame_id "
+            f"{frame!r}"
         )
     return message

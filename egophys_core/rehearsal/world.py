@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from egophys_core.episode import Episode
+from egophys_core.errors import OptionsError
 from egophys_core.rehearsal.bodies import SoftBody, make_body
 from egophys_core.rehearsal.handled_body import HandledBody
 from egophys_core.rehearsal.hands import Script, hand_cloud, script_of_plans, write_script
@@ -139,6 +140,11 @@ def _recorded(
                 act()
         handled.advance(true_hands, time)
         points[frame] = observe(handled.points, hands[frame], options, handled.effects, random)
+        if frame == 0 and np.isnan(points[0]).all():
+            raise OptionsError(
+                f"none of the {len(points[0])} points is seen in the first frame: raise points or lower dropout "
+                f"({options.dropout:g})"
+            )
         report((frame + 1) / len(times))
     seen = np.isfinite(points).all(axis=2)
     ever = seen.any(axis=0)

@@ -72,10 +72,15 @@ class ReplayedLog:
         """The message in a record.
 
         Raises:
-            RecordingError: it is not readable.
+            RecordingError: it is not readable, or the log does not say what is in it.
         """
         try:
             return self._types.deserialize_cdr(record.cdr, record.type)
+        except KeyError as error:
+            raise RecordingError(
+                f"{self.path}: the log does not hold the definition of {error.args[0]}, which {record.topic} needs; "
+                "record it as MCAP with definitions"
+            ) from error
         except SerdeError as error:
             raise RecordingError(f"{self.path}: a message on {record.topic} is not readable: {error}") from error
 

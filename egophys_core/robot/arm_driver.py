@@ -151,7 +151,7 @@ def load_driver(name: str, address: str) -> ArmDriver:
     module_name, _, class_name = name.partition(":")
     try:
         kind = getattr(importlib.import_module(module_name), class_name)
-    except (ImportError, AttributeError, ValueError) as error:
+    except (ImportError, AttributeError, TypeError, ValueError) as error:
         raise RobotError(
             f"no driver {name!r} ({error}); give module:Class, for an xArm6 xarm_bridge.xarm6:XArm6 with the workspace "
             "sourced"

@@ -11,7 +11,14 @@ from egophys_core.errors import OptionsError, RobotError
 from egophys_core.options import from_mapping, number, validate
 from egophys_core.robot.frames import Transform
 from egophys_core.robot.yaml_mapping import load_mapping, number_array
-from egophys_core.waypoint_plan import UNIT_QUATERNION_TOLERANCE, WaypointPlan
+from egophys_core.waypoint_plan import (
+    RELATIVE_ROUNDING,
+    SHORTEST_INTERVAL_S,
+    WIDEST_GRIPPER_M,
+    WaypointPlan,
+    waypoint_name,
+    why_no_motion,
+)
 
 ROS_KEY = "ros__parameters"
 ALIKE = 0.8
@@ -23,9 +30,6 @@ stands a rounding error outside, and has to be able to leave."""
 
 TURN_STEP_RAD = 0.1
 """Orientations between two waypoints are looked at in steps of at most this."""
-
-SPEED_TOLERANCE = 1e-6
-"""Relative slack of the speed checks, so that a plan made exactly at a limit is not refused for rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,9 +65,9 @@ class MotionLimits:
     table_clearance_m: float = number(
         0.0, low=-0.05, high=0.5, doc="height above the table, z = 0 of the world, that the tool point keeps"
     )
-    min_interval_s: float = number(0.02, low=0.01, high=10.0, doc="shortest time between waypoints")
+    min_interval_s: float = number(0.02, low=SHORTEST_INTERVAL_S, high=10.0, doc="shortest time between waypoints")
     max_gripper_opening_m: float = number(
-        0.085, low=0.001, high=0.2, doc="stroke of the gripper; the xArm gripper's is 0.085"
+        0.085, low=0.001, high=WIDEST_GRIPPER_M, doc="stroke of the gripper; the xArm gripper's is 0.085"
     )
 
     def __post_init__(self) -> None:
@@ -91,11 +95,13 @@ class MotionLimits:
         """
         content = load_mapping(path)
         if len(content) == 1 and isinstance(node := next(iter(content.values())), dict) and ROS_KEY in node:
+            if not isinstance(node[ROS_KEY], dict):
+                raise RobotError(f"{path}: {ROS_KEY} must hold 'key: value' lines, got {node[ROS_KEY]!r}")
             names = [each.name for each in fields(cls)]
             content = {
                 name: value
                 for name, value in node[ROS_KEY].items()
-                if get_close_matches(name, names, n=1, cutoff=ALIKE)
+                if get_close_matches(str(name), names, n=1, cutoff=ALIKE)
             }
         for name in ("workspace_min_m", "workspace_max_m"):
             if name in content:
@@ -132,8 +138,9 @@ def check_plan(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transfor
     Raises:
         RobotError: names the first bad waypoint, its value, the limit and what to do.
     """
-    _check_numbers(plan, limits)
-    _check_times(plan, limits)
+    reason = why_no_motion(plan, widest=limits.max_gripper_opening_m, shortest=limits.min_interval_s)
+    if reason:
+        raise RobotError(reason)
     _check_poses(plan, limits, world_to_base)
     _check_motion(plan, limits)
 
@@ -148,51 +155,10 @@ def _check_poses(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transf
             rotation = rotations[before] * Rotation.from_rotvec(share * turn)
             tool = Transform(rotation=rotation.as_matrix(), translation=position)
             if reason := limits.why_not(tool, world_to_base):
-                where = _name(plan, index) if share == 1.0 else f"between waypoints {before} and {index}"
+                where = waypoint_name(plan, index) if share == 1.0 else f"between waypoints {before} and {index}"
                 raise RobotError(
                     f"{where}: {reason}; move the target, recalibrate, or widen the limits if the space is really free"
                 )
-
-
-def _check_numbers(plan: WaypointPlan, limits: MotionLimits) -> None:
-    for label, values in (
-        ("time", plan.times),
-        ("position", plan.positions),
-        ("quaternion", plan.quaternions),
-        ("gripper opening", plan.gripper_opening),
-    ):
-        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
-        if not finite.all():
-            index = int(np.argmin(finite))
-            raise RobotError(f"waypoint {index}: {label} {np.asarray(values)[index]} is not finite; plan again")
-    lengths = np.linalg.norm(plan.quaternions, axis=1)
-    wrong = np.abs(lengths - 1) > UNIT_QUATERNION_TOLERANCE
-    if wrong.any():
-        index = int(np.argmax(wrong))
-        raise RobotError(
-            f"{_name(plan, index)}: quaternion {plan.quaternions[index].tolist()} has length "
-            f"{lengths[index]:.4f}, must be 1; normalise it (order x, y, z, w)"
-        )
-    wrong = (plan.gripper_opening < 0) | (plan.gripper_opening > limits.max_gripper_opening_m)
-    if wrong.any():
-        index = int(np.argmax(wrong))
-        raise RobotError(
-            f"{_name(plan, index)}: gripper opening {plan.gripper_opening[index]:.4f} m is outside "
-            f"0 .. {limits.max_gripper_opening_m} m; is it in metres?"
-        )
-
-
-def _check_times(plan: WaypointPlan, limits: MotionLimits) -> None:
-    if plan.times[0] < 0:
-        raise RobotError(f"waypoint 0: time {plan.times[0]:.3f} s is before the start of the plan; start at 0")
-    steps = np.diff(plan.times)
-    short = steps < limits.min_interval_s * (1 - SPEED_TOLERANCE)
-    if short.any():
-        index = int(np.argmax(short)) + 1
-        raise RobotError(
-            f"{_name(plan, index)}: {steps[index - 1]:.4f} s after the waypoint before it, must be at least "
-            f"{limits.min_interval_s} s later; merge them or stretch the plan"
-        )
 
 
 def _check_motion(plan: WaypointPlan, limits: MotionLimits) -> None:
@@ -204,7 +170,7 @@ def _check_motion(plan: WaypointPlan, limits: MotionLimits) -> None:
     if (lengths > limits.max_step_m).any():
         index = int(np.argmax(lengths > limits.max_step_m)) + 1
         raise RobotError(
-            f"{_name(plan, index)}: {lengths[index - 1]:.3f} m from the waypoint before it, at most "
+            f"{waypoint_name(plan, index)}: {lengths[index - 1]:.3f} m from the waypoint before it, at most "
             f"{limits.max_step_m} m are allowed (max_step_m); add waypoints on the way"
         )
     speeds = np.linalg.norm(velocities, axis=1)
@@ -219,14 +185,10 @@ def _check_motion(plan: WaypointPlan, limits: MotionLimits) -> None:
         ("angular speed", "rad/s", turning, limits.max_angular_speed_rad_s, 1, 1),
         ("acceleration", "m/s^2", accelerations, limits.max_acceleration_m_s2, 0, 2),
     ):
-        fast = values > limit * (1 + SPEED_TOLERANCE)
+        fast = values > limit * (1 + RELATIVE_ROUNDING)
         if fast.any():
             index = int(np.argmax(fast))
             raise RobotError(
-                f"{_name(plan, index + first)}: {label} {values[index]:.3f} {unit} exceeds {limit} {unit}; "
+                f"{waypoint_name(plan, index + first)}: {label} {values[index]:.3f} {unit} exceeds {limit} {unit}; "
                 f"stretch the plan's times by a factor of {(values.max() / limit) ** (1 / order):.2f} or more"
             )
-
-
-def _name(plan: WaypointPlan, index: int) -> str:
-    return f"waypoint {index} (t={plan.times[index]:.2f} s)"

@@ -17,6 +17,8 @@ class Origin:
     """Twin in use, empty if not known."""
     max_age: float
     """Seconds; 0 for any age."""
+    max_age_name: str = "max_plan_age_s"
+    """Of the option or parameter that sets it, for messages."""
 
 
 def check_origin(plan: WaypointPlan, stamp_ns: int, now_ns: int, origin: Origin) -> None:
@@ -37,13 +39,13 @@ def check_origin(plan: WaypointPlan, stamp_ns: int, now_ns: int, origin: Origin)
         return
     if not stamp_ns:
         raise RobotError(
-            "the plan does not say when it was made (header.stamp is 0); stamp it, or set max_plan_age_s to 0 to take "
-            "plans of any age"
+            f"the plan does not say when it was made (its stamp is 0); stamp it, or set {origin.max_age_name} to 0 to "
+            "take plans of any age"
         )
     age = (now_ns - stamp_ns) / NANOSECONDS
     if not -CLOCKS_APART_S <= age <= origin.max_age:
         when = f"{age:.0f} s ago" if age >= 0 else f"{-age:.0f} s in the future"
         raise RobotError(
-            f"the plan was made {when}, at most {origin.max_age:g} s may pass (max_plan_age_s): the object may lie "
-            "elsewhere by now; plan again"
+            f"the plan was made {when}, at most {origin.max_age:g} s may pass ({origin.max_age_name}): the object may "
+            "lie elsewhere by now; plan again"
         )

@@ -52,7 +52,10 @@ def read_touched_pairs(path: Path, tag_corner: TagCorner) -> TouchedPairs:
         raise RobotError(
             f"{path} is empty; its first line names the columns: world_x,world_y,world_z,base_x,base_y,base_z"
         )
-    header, *rows = [[cell.strip() for cell in row] for row in csv.reader(line for _, line in numbered)]
+    try:
+        header, *rows = [[cell.strip() for cell in row] for row in csv.reader(line for _, line in numbered)]
+    except csv.Error as error:
+        raise RobotError(f"cannot read {path}: {error}") from error
     base = _columns(path, header, "base")
     by_tag = "tag" in header
     world = [("tag", 1.0), ("corner", 1.0)] if by_tag else _columns(path, header, "world")

@@ -45,7 +45,7 @@ def number_array(value: Any, where: str, count: int) -> np.ndarray:
     """A list of `count` finite numbers as float64 [count]."""
     try:
         array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise RobotError(f"{where} must be {count} numbers, got {value!r}") from error
     if array.shape != (count,) or not np.isfinite(array).all():
         raise RobotError(f"{where} must be {count} finite numbers, got {value!r}")

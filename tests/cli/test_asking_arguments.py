@@ -8,6 +8,7 @@ import pytest
 
 from egophys_core.cli import diagnose, experiment, rehearse
 from egophys_core.cli.asking_arguments import add_hand_arguments, hands_of, rehearsed_world
+from egophys_core.cli.rehearsed_truth import read_truth
 from egophys_core.errors import EgophysError, OptionsError
 from egophys_core.experiments import PERSON, HandMotion, Proposal
 from egophys_core.experiments.family import HAND_POINTS
@@ -69,6 +70,54 @@ def test_a_motion_is_done_with_the_object_of_the_rehearsal_and_kept(tmp_path):
     about = json.loads((tmp_path / "d_asked/motion_1/experiment.json").read_text())
     assert about["motions"][0]["sentence"] == "lift it"
     assert np.nanmean(episode.points[-1, :, 2]) > np.nanmean(episode.points[0, :, 2]) + 0.005
+
+
+TRUTH = {
+    "object": "sheet",
+    "object_seed": 3,
+    "effects": [{"name": "gravity_scale", "parameters": {"scale": {"value": 1.2, "unit": "1"}}}],
+    "episodes": [{"folder": "episode_0", "motion": "lift", "seed": 5}],
+    "options": {"object": "box", "points": 40},
+}
+
+
+def drag_of(**about):
+    return {"effects": [{"name": "quadratic_drag", "parameters": {"coefficient": about}}]}
+
+
+def test_the_truth_of_a_rehearsal_is_read(tmp_path):
+    (tmp_path / "truth.json").write_text(json.dumps({**TRUTH, **drag_of(value=3, unit="1/m")}))
+    truth = read_truth(tmp_path)
+    assert (truth.object_seed, truth.last_seed, truth.options.points) == (3, 5, 40)
+    assert truth.effects == {"quadratic_drag": {"coefficient": 3.0}}
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"options": []}, r"`options` must be a JSON object, got \[\]"),
+        ({"options": None}, "`options` must be a JSON object, got None"),
+        ({"options": {"point": 40}}, "unknown option 'point'; did you mean 'points'"),
+        ({"object_seed": float("inf")}, "`object_seed` must be a whole number from 0 on, got inf"),
+        ({"object_seed": -1}, "`object_seed` must be a whole number from 0 on, got -1"),
+        ({"episodes": None}, "`episodes` must be a list, got None"),
+        ({"episodes": [{"folder": "x"}]}, "`seed` must be a whole number from 0 on, got None"),
+        ({"effects": {}}, "`effects` must be a list, got {}"),
+        ({"effects": [{"name": 5}]}, "the `name` of an effect must be a text, got 5"),
+        ({"effects": [{"name": "quadratic_drag", "parameters": []}]}, "`parameters` of quadratic_drag must be a JSON"),
+        ({"effects": [{"name": "quadratic_drga", "parameters": {}}]}, "unknown effect 'quadratic_drga'; did you mean"),
+        (
+            drag_of(value=float("nan")),
+            "quadratic_drag: coefficient must have a finite number as its `value`, got .*nan",
+        ),
+        (drag_of(value=10**400), "quadratic_drag: coefficient must have a finite"),
+        (drag_of(value="3"), "quadratic_drag: coefficient must have a finite number"),
+    ],
+)
+def test_a_damaged_truth_is_refused_before_a_diagnosis(tmp_path, change, text):
+    (tmp_path / "truth.json").write_text(json.dumps({**TRUTH, **change}))
+    with pytest.raises(OptionsError, match=f"--world .*truth.json: {text}.*; give a folder of `egophys rehearse`"):
+        read_truth(tmp_path)
 
 
 def test_a_folder_that_is_no_rehearsal_is_no_world(tmp_path):

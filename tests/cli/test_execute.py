@@ -1,6 +1,7 @@
 """`egophys execute` against the emulator's process, with the real SDK and without ROS."""
 
 import time
+from pathlib import Path
 
 import pytest
 
@@ -38,7 +39,7 @@ def test_a_plan_file_is_executed(words, capsys):
 @pytest.mark.parametrize(
     ("more", "reason"),
     [
-        (["--max-age", "1e-9"], "max_plan_age_s"),
+        (["--max-age", "1e-9"], "at most 1e-09 s may pass (--max-age)"),
         (["--robot-ip", "127.200.200.200"], "no xArm controller"),
         (["--calibration", "/nowhere.yaml"], "cannot read /nowhere.yaml"),
         (["--driver", "nowhere:Arm"], "no driver 'nowhere:Arm'"),
@@ -51,6 +52,20 @@ def test_what_cannot_be_executed_is_refused(words, more, reason, tmp_path, capsy
         (tmp_path / "bridge.yaml").write_text("/**:\n  ros__parameters: {max_speed_m_s: 0.05, base_frame: base}\n")
     assert main([*words, *more]) == 2
     assert reason in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("age", ["nan", "-5", "inf", "old"])
+def test_an_age_is_seconds_from_zero_on(capsys, age):
+    with pytest.raises(SystemExit) as stopped:
+        main(["execute", "plan.json", "--robot-ip", "127.0.0.1", "--calibration", "c.yaml", "--max-age", age])
+    assert stopped.value.code == 2
+    assert f"--max-age: must be seconds from 0 on, 0 for any age, got '{age}'" in capsys.readouterr().err
+
+
+def test_a_plan_without_a_stamp_is_refused(words, capsys):
+    write_plan(Path(words[1]), PlanFile(plan=PLAN, stamp_ns=0, tolerance=0.01))
+    assert main(words) == 2
+    assert "its stamp is 0); stamp it, or set --max-age to 0" in capsys.readouterr().err
 
 
 def test_an_emulator_is_not_taken_for_an_arm(words, capsys):

@@ -7,7 +7,7 @@ import pytest
 
 from egophys_core.cli import experiment as command
 from egophys_core.diagnosis.diagnosis import Outcome, save_diagnosis
-from egophys_core.errors import DiscrepancyError, OutputError, TwinError
+from egophys_core.errors import DiscrepancyError, OptionsError, OutputError, TwinError
 from egophys_core.experiments import choice
 from egophys_core.plan_file import read_plan
 from egophys_core.twin import save_twin
@@ -81,8 +81,9 @@ def test_bad_requests_write_nothing(twin_file, tmp_path):
     (tmp_path / "old/diagnosis.json").write_text("[" * 100_000)
     with pytest.raises(DiscrepancyError, match="give the folder that `egophys diagnose` made"):
         run(twin_file, "--diagnosis", tmp_path / "old", "--out", tmp_path / "x")
-    (tmp_path / "old/diagnosis.json").write_text("{}")
-    with pytest.raises(DiscrepancyError, match="diagnose again"):
+    nothing_open = {**make_diagnosis().as_dict(), "candidates": []}
+    (tmp_path / "old/diagnosis.json").write_text(json.dumps(nothing_open))
+    with pytest.raises(OptionsError, match="leaves no effect open; name some with --effects"):
         run(twin_file, "--diagnosis", tmp_path / "old", "--out", tmp_path / "x")
     with pytest.raises(OutputError, match="is not empty"):
         run(twin_file, "--out", tmp_path / "old")

@@ -53,6 +53,10 @@ def test_no_effect_is_the_default(tmp_path, capsys):
         (("--parameter", "z=1"), "give EFFECT.NAME=VALUE with an effect of --effect, which are none"),
         (("--effect", "grasp_slip", "gravity_scale", "--parameter", "z=1"), "which are grasp_slip, gravity_scale"),
         (("--noise-m", "2"), "noise_m must be in 0 .. 0.05"),
+        (
+            ("--points", "3", "--dropout", "0.9"),
+            "none of the 3 points is seen in the first frame: raise points or lower",
+        ),
     ],
 )
 def test_bad_requests_write_nothing(tmp_path, arguments, message):
@@ -92,6 +96,9 @@ def test_plans_that_do_not_fit_together_are_refused(tmp_path):
         run("--out", tmp_path / "x", "--plan", never, *SHORT)
     with pytest.raises(PlanningError, match="must have the same times and close together"):
         run("--out", tmp_path / "x", "--plan", never, write_hand(tmp_path / "closes.json"), *SHORT)
+    for several in ([never, never], [never, tmp_path / "b", tmp_path / "c"]):
+        with pytest.raises(OptionsError, match="a file a hand, at most 2 different ones"):
+            run("--out", tmp_path / "x", "--plan", *several, *SHORT)
     assert not (tmp_path / "x").exists()
 
 

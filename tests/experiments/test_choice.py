@@ -8,10 +8,11 @@ import pytest
 
 from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.errors import PlanningError
-from egophys_core.experiments import PERSON, choice, choose, motions_for, sensitivity
+from egophys_core.experiments import PERSON, arm_hands, choice, choose, motions_for, sensitivity
 from egophys_core.experiments.choice import together
 from egophys_core.experiments.prediction import predicted_episode
 from egophys_core.experiments.sensitivity import limits_in
+from egophys_core.robot import MotionLimits
 from egophys_core.simulation import ContactKind
 from tests.effects.situations import sheet
 from tests.experiments.twins import twin_of
@@ -87,6 +88,38 @@ def test_a_motion_that_was_done_is_not_proposed_again(monkeypatch):
     every = [each.name for each in motions_for(twin_of(sheet()), PERSON)]
     with pytest.raises(PlanningError, match=r"no motion .* but those that were asked for: "):
         chosen(monkeypatch, shown, done=every)
+
+
+@pytest.mark.parametrize(
+    ("limits", "reason"),
+    [
+        (
+            {"max_acceleration_m_s2": 0.05},
+            r"allow no motion .*not 'hang still, one hand'.* \(waypoint 0 .*acceleration",
+        ),
+        ({"max_step_m": 0.01}, r"not 'hang and swing.*, 'hang still, one hand', .* \(waypoint 1 .* \(max_step_m\)"),
+        ({"min_interval_s": 10.0}, "must be at least 10.0 s later"),
+        ({"workspace_min_m": (0.2, -0.4, 0.1)}, r"z = 0\.0\d+ m is outside the workspace 0.100 \.\. 0.500"),
+        ({"max_speed_m_s": 0.005}, "at most 0.005 m/s is too slow for any motion of at most 12 s .* a higher speed"),
+    ],
+)
+def test_an_arm_is_told_which_of_its_limits_allow_nothing(limits, reason):
+    hands = arm_hands(MotionLimits(**limits))
+    with pytest.raises(PlanningError, match=reason):
+        choose(twin_of(sheet()), ["quadratic_drag"], hands, needed_gain=50.0, least_scale=1e-3)
+
+
+def test_an_arm_does_what_its_limits_allow(monkeypatch):
+    monkeypatch.setattr(choice, "predicted_episode", lambda model, motion, **rest: motion)
+    tried = set()
+    monkeypatch.setattr(choice, "limits_in", lambda model, motion, effects, **rest: tried.add(motion.name) or (DRAG,))
+    # Too narrow for all but what goes straight up.
+    for low, high in (((0.2, -0.4, 0.0), (0.65, 0.4, 0.5)), ((0.2, -0.4, 0.0), (0.201, -0.399, 0.5))):
+        hands = arm_hands(MotionLimits(workspace_min_m=low, workspace_max_m=high))
+        tried.clear()
+        choose(twin_of(sheet()), ["quadratic_drag"], hands, needed_gain=50.0, least_scale=1e-3)
+        assert ("drag fast, one hand" in tried) == (high[0] > 0.3)
+        assert {"hang still, one hand", "turn the wrist, one hand"} <= tried
 
 
 def test_a_twin_that_can_be_simulated_in_no_motion_is_refused(monkeypatch):

@@ -211,7 +211,7 @@ def test_no_controller_left_is_an_error():
 
 def test_another_frame_is_refused_with_what_to_write():
     camera = [record(OBJECT, i * FRAME_NS, {1: (i, 0, 0)}, frame_id="camera") for i in range(3)]
-    with pytest.raises(EpisodeError, match=r"in frame 'camera', needed is 'world'.* give frame='camera'"):
+    with pytest.raises(EpisodeError, match=r"in frame 'camera', needed is 'world'.* record them with frame_id 'world'"):
         decode_episode(camera, name="test")
     with pytest.raises(EpisodeError, match="in frame 'world', needed is 'camera'"):
         decode_episode(camera + controllers(3), name="test", frame="camera")

@@ -244,6 +244,7 @@ def test_calibrate_takes_corners_of_the_printed_board(tmp_path, capsys):
         ("tag,corner,base_x,base_y,base_z", "1,4,0,0,0", "corners 0 to 3, clockwise from the upper left, not 4"),
         ("tag,corner,base_x,base_y,base_z", "1,0.5,0,0,0", "line 2: corner must be a whole number, got 0.5"),
         ("tag,corner,base_x,base_y,base_z", "1,0,0,0,z", "line 2: base_z must be a number, got 'z'"),
+        ("tag,corner,base_x,base_y,base_z", "1,0,0,0," + "1" * 200_000, "cannot read .*pairs.csv: field larger"),
         ("tag,corner,base_x,base_y,base_z", "1,0,0,0", "line 2 has 4 values for 5 columns"),
         ("tag,corner,base_x,base_y,base_z", "1,0,0,0,0", "N >= 3"),
     ],

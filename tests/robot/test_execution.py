@@ -169,7 +169,9 @@ def test_what_is_beyond_reach_is_refused_between_waypoints_too(arm):
         PlanExecutor(arm, calibration=CALIBRATION, limits=limits, clock=Time().clock()).execute(far)
 
 
-@pytest.mark.parametrize("name", ["nowhere:Arm", "tests.robot.second_arm:Nobody", "tests.robot.second_arm:REACH_M", ""])
+@pytest.mark.parametrize(
+    "name", ["nowhere:Arm", "tests.robot.second_arm:Nobody", "tests.robot.second_arm:REACH_M", "", "..:x"]
+)
 def test_what_is_no_driver_is_named(name):
     with pytest.raises(RobotError, match=r"driver|subclass"):
         load_driver(name, "here")

@@ -151,6 +151,26 @@ def test_limits_from_a_file(tmp_path):
         MotionLimits.load(path)
 
 
+@pytest.mark.parametrize(
+    ("content", "error", "reason"),
+    [
+        ("5: 1", OptionsError, "unknown option 5;"),
+        ("null: 3", OptionsError, "unknown option None;"),
+        ("bridge_node:\n  ros__parameters:", RobotError, "ros__parameters must hold 'key: value' lines, got None"),
+        ("bridge_node:\n  ros__parameters: [1]", RobotError, r"ros__parameters must hold .* got \[1\]"),
+    ],
+)
+def test_files_without_names_of_limits_are_refused(tmp_path, content, error, reason):
+    (tmp_path / "limits.yaml").write_text(content)
+    with pytest.raises(error, match=reason):
+        MotionLimits.load(tmp_path / "limits.yaml")
+
+
+def test_what_the_bridge_has_under_keys_that_are_no_text_is_passed_over(tmp_path):
+    (tmp_path / "bridge.yaml").write_text("bridge_node:\n  ros__parameters:\n    5: 1\n    max_speed_m_s: 1e-1\n")
+    assert MotionLimits.load(tmp_path / "bridge.yaml").max_speed_m_s == 0.1
+
+
 def test_the_path_is_linear_and_holds_the_gripper():
     path = PlannedPath(PLAN)
     np.testing.assert_allclose(path.pose_at(0.25).translation, [0.025, 0.0, 0.1])

@@ -14,7 +14,7 @@ from egophys_core.planning import (
     Start,
     TargetText,
     carried_start,
-    check_target,
+    check_shape,
     grasp_from_points,
     plan_to_target,
     start_of_twin,
@@ -60,7 +60,7 @@ class PlanningJob:
         surface = start.surface(self.twin)
         if isinstance(self.target, TargetText):
             return PlanningProblem(start=start, target=target_points(self.target, surface))
-        check_target(self.target, surface, "the target")
+        check_shape(self.target, surface, "the target")
         return PlanningProblem(start=start, target=self.target)
 
     def run(

@@ -18,6 +18,10 @@ LONGEST_GAP_S = 10.0
 below 0.3 s in all recordings known; a clock that is set, or the break between two recordings, is longer."""
 
 
+SHORTEST_STEP_S = 1e-4
+"""Seconds from frame to frame, at the median: no camera or tracker is faster, but times in milliseconds are read so."""
+
+
 class EpisodeWarning(UserWarning):
     """Something recorded was left out of an episode, filled in or is doubtful; says what and how much."""
 
@@ -127,6 +131,12 @@ def _require_steady_times(times: np.ndarray, name: str) -> None:
     if not np.all(steps > 0):
         frame = int(np.argmin(steps > 0)) + 1
         raise EpisodeError(f"{name}: time does not increase at frame {frame} (t={times[frame]:.3f} s)")
+    if np.median(steps) < SHORTEST_STEP_S:
+        raise EpisodeError(
+            f"{name}: {len(times)} frames span {times[-1] - times[0]:.2g} s, from one to the next "
+            f"{np.median(steps):.2g} s, at least {SHORTEST_STEP_S:g} s; times must be in seconds, and stamps "
+            "in nanoseconds"
+        )
     if steps.max() > LONGEST_GAP_S:
         frame = int(np.argmax(steps > LONGEST_GAP_S))
         raise EpisodeError(

@@ -65,6 +65,7 @@ def test_episode_is_not_changed_in_place():
         ({"controller_ids": np.arange(2)}, r"controller_ids must be \(1,\), got \(2,\)"),
         ({"times": np.array([0.0, 0.2, 0.2])}, r"time does not increase at frame 2 \(t=0.200 s\)"),
         ({"times": np.array([0.0, np.nan, 0.2])}, "time does not increase at frame 1"),
+        ({"times": np.array([0.0, 1e-7, 2e-7])}, "3 frames span 2e-07 s, .* times must be in seconds"),
         ({"times": np.array([0.0, 0.1, 710407499.5])}, r"710407499.400 s pass from frame 1 \(t=0.100 s\) to frame 2 "),
         ({"controllers": np.full((3, 1, 3), np.nan)}, "controller 7 is not finite at frame 0; drop that controller"),
         ({"points": with_value(np.inf, 1, 1)}, "point 9 is infinite at frame 1"),

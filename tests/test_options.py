@@ -119,3 +119,5 @@ def test_corners_must_be_finite(value):
 def test_validation_also_guards_the_constructor():
     with pytest.raises(OptionsError, match="generations must be in 1"):
         FitOptions(generations=0)
+    with pytest.raises(OptionsError, match="population must be 0 or in 2"):
+        FitOptions(population=1)

@@ -19,7 +19,7 @@ from egophys_core.kinds import kind_named
 from egophys_core.kinds.kind import MarkerBody
 from egophys_core.kinds.marker_body import marker_body, marker_model
 from egophys_core.kinds.template import parse_template
-from egophys_core.observation import FitProblem, ObservedEpisode, place_model
+from egophys_core.observation import FitProblem, ObservedEpisode, place_model, require_carried
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel
 
@@ -59,7 +59,7 @@ def fit_markers(
     """Fit a model to the train frames of episodes in which an object is seen at a few markers; nothing is random.
 
     Raises:
-        EpisodeError: episodes with different markers, or markers that do not tell a direction.
+        EpisodeError: episodes with different markers, or markers that do not tell a direction or that no clamp holds.
         OptionsError: a load on what has no known weight, or what only a search takes.
         TwinError: all rollouts diverged.
     """
@@ -76,6 +76,10 @@ def fit_markers(
         raise OptionsError(
             "a load on a cable means nothing without its weight; give its size, as in --template box:0.8x0.01x0.01"
         )
+    if not marker_model(kind_named(body.kind)).starts_as_seen:
+        for each in observed:
+            if each.markers is not None:
+                require_carried(each.record, each.markers)
     found = MarkerSearch(body, observed, options.density).run(progress)
     return Fit(
         model=found.model,

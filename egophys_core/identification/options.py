@@ -60,6 +60,10 @@ class FitOptions:
                 f"prior {self.prior} is used for stiffness codebook only, not {self.stiffness}; choose codebook, "
                 "or leave prior out"
             )
+        if self.population == 1:
+            raise OptionsError(
+                "population must be 0 or in 2 .. 1000, got 1: CMA-ES learns from more than one candidate"
+            )
         if self.kind != AUTO:
             # Kinds load SciPy, which the options, read for every `--help`, do without.
             from egophys_core.kinds import KINDS

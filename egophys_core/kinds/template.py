@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from egophys_core.constants import LARGEST_OBJECT_M, SMALLEST_OBJECT_M
 from egophys_core.errors import OptionsError
 from egophys_core.kinds.mesh_file import Mesh, read_mesh
 
@@ -20,6 +21,12 @@ ACROSS = 4
 
 MOST_NODES = 400
 """Cells beyond which they are made longer, and then fewer across."""
+
+MOST_CELLS = 5000
+"""Cells that can be simulated; those of a plate are as many as it is wide for its thickness, whatever their length."""
+
+THINNEST_M = 0.0005
+"""Metres: the thinnest edge that a template may have."""
 
 LONGEST_CELL = 4.0
 """Times its width."""
@@ -65,10 +72,20 @@ def parse_template(text: str) -> Template:
     """The template that `box:LxWxH` (metres) or the path of a mesh file names.
 
     Raises:
-        OptionsError: neither of them, or a size that is not positive.
+        OptionsError: neither of them, or a size that is none of an object in metres.
     """
-    if not text.startswith("box:"):
-        return mesh_template(read_mesh(Path(text)))
+    template = _parse_box(text) if text.startswith("box:") else mesh_template(read_mesh(Path(text)))
+    longest, thinnest = template.length, template.size.min()
+    if not (SMALLEST_OBJECT_M <= longest <= LARGEST_OBJECT_M and thinnest >= THINNEST_M):
+        raise OptionsError(
+            f"template {text} measures {' x '.join(f'{edge:.3g}' for edge in template.size)} m; give it in "
+            f"metres (millimetres divided by 1000), its longest edge {SMALLEST_OBJECT_M:g} .. {LARGEST_OBJECT_M:g} m "
+            f"and its thinnest at least {THINNEST_M:g} m"
+        )
+    return template
+
+
+def _parse_box(text: str) -> Template:
     match = re.fullmatch(r"box:([^x]+)x([^x]+)x([^x]+)", text)
     try:
         size = [float(edge) for edge in match.groups()] if match else []
@@ -114,9 +131,14 @@ def lattice(template: Template, *, held_ends: tuple[bool, bool]) -> Lattice:
         held_ends: whether its -x and its +x end are held.
 
     Raises:
-        OptionsError: a mesh too thin for any cell's centre to lie inside.
+        OptionsError: too thin for its width, or a mesh too thin for any cell's centre to lie inside.
     """
     across, along = _cell_counts(template.size, sum(held_ends))
+    if along * across.prod() > MOST_CELLS:
+        raise OptionsError(
+            f"the template, {' x '.join(f'{each:.3g}' for each in template.size)} m, is so thin for its width that it "
+            f"takes {along * across.prod()} cells, at most {MOST_CELLS} can be simulated; give a thicker one"
+        )
     edge = template.length / (along - 0.5 * sum(held_ends))
     x = -template.length / 2 + edge * (np.arange(along) + (0.0 if held_ends[0] else 0.5))
     axes = [x, *(_centres(width, count) for width, count in zip(template.size[1:], across, strict=True))]

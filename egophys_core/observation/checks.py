@@ -7,6 +7,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from egophys_core.constants import LARGEST_OBJECT_M, SMALLEST_OBJECT_M
 from egophys_core.episode import Episode, EpisodeWarning
 from egophys_core.errors import EpisodeError
 from egophys_core.geometry import farthest_points
@@ -18,9 +19,6 @@ that may be a wrong one. Gaps within objects are up to 2 spacings wide (100 reco
 
 MOST_IN_PIECES, FEWEST_IN_PIECES = 400, 20
 """Points of which pieces are told."""
-
-SMALLEST_OBJECT_M, LARGEST_OBJECT_M = 0.01, 5.0
-"""Metres across: what hands handle on a table lies well between, in millimetres or kilometres it does not."""
 
 
 MOST_BELOW_TABLE_M, MOST_ABOVE_TABLE_M = 0.02, 0.1

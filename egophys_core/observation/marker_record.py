@@ -20,6 +20,9 @@ RELEASED_M = 0.004
 RELEASED_WITHIN = 0.1
 """Seconds after the start: what begins to move later was not held back at the start."""
 
+CARRIED = 3.0
+"""Times as far from their clamp as before that markers never come: a beam that bends stays as far within percents."""
+
 
 def is_sparse(episode: Episode) -> bool:
     """Whether an episode shows an object at a few markers."""
@@ -50,6 +53,24 @@ def marker_record(episode: Episode) -> tuple[Episode, Episode, SeenMarkers]:
         velocities=velocities,
     )
     return record, shown, seen
+
+
+def require_carried(record: Episode, seen: SeenMarkers) -> None:
+    """Check that markers stay about as far from their clamp as they are, on what it holds all the time.
+
+    Raises:
+        EpisodeError: they do not, as points of a cloth that a hand reaches for.
+    """
+    frames = record.visible.any(axis=1)
+    markers = np.nanmean(record.points[frames], axis=1, dtype=np.float64)
+    apart = np.linalg.norm(markers - record.controllers[frames][:, seen.clamps[0]].mean(axis=1), axis=1)
+    if apart.max() > CARRIED * apart.min():
+        raise EpisodeError(
+            f"{seen.name}: its {len(seen.tracks)} tracked points are {100 * apart.min():.0f} cm from the held points "
+            f"at times and {100 * apart.max():.0f} cm at others, so no clamp holds them all the time, and so few make "
+            f"no surface; track more than {MOST_MARKERS} points all over the object, or at least 4 one after the other "
+            "along a rod"
+        )
 
 
 def from_all_seen(episode: Episode) -> Episode:

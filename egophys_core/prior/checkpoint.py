@@ -48,7 +48,8 @@ def load_codebook(path: Path) -> Codebook:
         with safe_open(path, framework="numpy") as file:
             header = file.metadata() or {}
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (SafetensorError, OSError, ValueError) as error:
+    except (SafetensorError, OSError, ValueError, TypeError) as error:
+        # A TypeError is of numbers that NumPy has not, as bfloat16.
         raise TwinError(f"{path} is no checkpoint, or it is damaged ({error}); copy it again") from error
     version, features = header.get("format_version"), header.get("features")
     if version != FORMAT_VERSION:

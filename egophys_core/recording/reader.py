@@ -152,4 +152,4 @@ def _found_files(folder: Path) -> list[Path]:
     def by_number(path: Path) -> list[tuple[int, str]]:
         return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", path.name)]
 
-    return sorted((file for file in folder.iterdir() if file.suffix in _SUFFIXES), key=by_number)
+    return sorted((file for file in folder.iterdir() if file.suffix.lower() in _SUFFIXES), key=by_number)

@@ -51,7 +51,10 @@ class Codebook:
         hidden = self.hidden_weights.shape[0] if self.hidden_weights.ndim == 2 else 0
         outputs = max(self.prototypes.shape[1], 1) if self.prototypes.ndim == 2 else 0
         features = (len(FEATURES),)
+        prototypes = self.prototypes.shape[-1] if self.prototypes.ndim else 0
         for name, shape in (
+            # First, as the shapes of others follow from it.
+            ("prototypes", (2, prototypes)),
             ("low", features),
             ("high", features),
             ("centre", features),
@@ -60,7 +63,6 @@ class Codebook:
             ("hidden_bias", (hidden,)),
             ("head_weights", (2, outputs, hidden)),
             ("head_bias", (2, outputs)),
-            ("prototypes", (2, self.prototypes.shape[-1])),
             ("temperature", (1,)),
         ):
             array = getattr(self, name)

@@ -20,6 +20,10 @@ class SpringKind(IntEnum):
     """Between farther nodes of a sheet: softer, more damped, resists folding (paper, App. B.2)."""
 
 
+_DTYPES = {"f": "floating-point numbers", "iu": "integers", "b": "true or false"}
+"""What NumPy's letters of dtypes mean."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SpringGraph:
     """Nodes at rest and the springs between them."""
@@ -37,21 +41,46 @@ class SpringGraph:
 
     def __post_init__(self) -> None:
         nodes, springs = len(self.positions), len(self.springs)
-        for label, array, shape in (
-            ("positions", self.positions, (nodes, 3)),
-            ("springs", self.springs, (springs, 2)),
-            ("kinds", self.kinds, (springs,)),
-            ("rest_lengths", self.rest_lengths, (springs,)),
-            ("surface", self.surface, (nodes,)),
+        for label, array, shape, kinds in (
+            ("positions", self.positions, (nodes, 3), "f"),
+            ("springs", self.springs, (springs, 2), "iu"),
+            ("kinds", self.kinds, (springs,), "iu"),
+            ("rest_lengths", self.rest_lengths, (springs,), "f"),
+            ("surface", self.surface, (nodes,), "b"),
         ):
             if array.shape != shape:
                 raise TwinError(f"spring graph: {label} must be {shape}, got {array.shape}")
+            if array.dtype.kind not in kinds:
+                raise TwinError(f"spring graph: {label} must be {_DTYPES[kinds]}, got {array.dtype}")
+        self._require_nodes()
+        self._require_springs()
+
+    def _require_nodes(self) -> None:
+        nodes = len(self.positions)
         if nodes == 0:
             raise TwinError("spring graph: no nodes")
-        if springs and (self.springs.min() < 0 or self.springs.max() >= nodes):
-            raise TwinError(f"spring graph: a spring names node {self.springs.max()}, there are {nodes}")
+        if not self.surface.any():
+            raise TwinError(f"spring graph: none of its {nodes} nodes is on the surface")
         if not np.isfinite(self.positions).all():
             raise TwinError(f"spring graph: node {np.argwhere(~np.isfinite(self.positions))[0][0]} is not finite")
+
+    def _require_springs(self) -> None:
+        nodes = len(self.positions)
+        if len(self.springs) == 0:
+            raise TwinError(f"spring graph: no springs between its {nodes} nodes")
+        if self.springs.min() < 0 or self.springs.max() >= nodes:
+            raise TwinError(f"spring graph: a spring names node {self.springs.max()}, there are {nodes}")
+        if not (self.springs[:, 0] < self.springs[:, 1]).all():
+            spring = int(np.argmax(self.springs[:, 0] >= self.springs[:, 1]))
+            raise TwinError(
+                f"spring graph: spring {spring} must name its lower node first, and then another one, got "
+                f"{self.springs[spring].tolist()}"
+            )
+        if not np.isin(self.kinds, list(SpringKind)).all():
+            raise TwinError(f"spring graph: kinds must be {[int(kind) for kind in SpringKind]}, got {self.kinds.max()}")
+        if not np.isfinite(self.rest_lengths).all():
+            spring = int(np.argmin(np.isfinite(self.rest_lengths)))
+            raise TwinError(f"spring graph: rest length of spring {spring} is {self.rest_lengths[spring]} m")
         if not (self.rest_lengths > 0).all():
             spring = int(np.argmin(self.rest_lengths))
             raise TwinError(

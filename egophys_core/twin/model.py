@@ -34,6 +34,8 @@ class ObjectModel:
             raise TwinError(
                 f"stiffness must be ({len(self.graph.springs)},), one per spring, got {self.stiffness.shape}"
             )
+        if self.stiffness.dtype.kind != "f":
+            raise TwinError(f"stiffness must be floating-point numbers in N/m, got {self.stiffness.dtype}")
         if not (np.isfinite(self.stiffness).all() and (self.stiffness > 0).all()):
             raise TwinError(f"stiffness must be finite and positive, got a minimum of {self.stiffness.min()} N/m")
         uneven, nodes = self.intrinsic_curvature, len(self.graph.positions)

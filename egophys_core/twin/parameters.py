@@ -12,6 +12,9 @@ from egophys_core.errors import TwinError
 
 INTRINSIC_CURVATURE = ("intrinsic_curvature_level", "intrinsic_curvature_up")
 
+LEAST_MASS = 1e-9
+"""kg: far less than any object has, and nodes that share it still divide forces in single precision."""
+
 SIGNED = (*INTRINSIC_CURVATURE, "far_roll")
 """Parameters of a rod, which alone may be negative."""
 
@@ -84,14 +87,23 @@ class PhysicalParameters:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if not np.isfinite(value) or (value < 0 and field.name not in SIGNED):
-                raise TwinError(f"{field.name} must be finite and not negative, got {value}")
-        for name in ("total_mass", "stiffness", "controller_radius"):
+            if not is_finite_number(value) or (value < 0 and field.name not in SIGNED):
+                raise TwinError(f"{field.name} must be finite and not negative, got {value!r}")
+        if self.total_mass < LEAST_MASS:
+            raise TwinError(f"total_mass must be at least {LEAST_MASS:g} kg, got {self.total_mass:g}")
+        if not isinstance(self.controller_neighbours, int | np.integer) or self.controller_neighbours < 1:
+            raise TwinError(f"controller_neighbours must be an integer from 1 on, got {self.controller_neighbours}")
+        for name in ("stiffness", "controller_radius"):
             if getattr(self, name) == 0:
                 raise TwinError(f"{name} must be positive, got 0")
         for name in ("compression_ratio", "restitution", "ground_projection", "collision_restitution"):
             if getattr(self, name) > 1:
                 raise TwinError(f"{name} must be in 0..1, got {getattr(self, name)}")
+
+
+def is_finite_number(value: object) -> bool:
+    """Whether something from a file is a real number, neither infinite nor NaN."""
+    return isinstance(value, int | float | np.integer | np.floating) and bool(np.isfinite(value))
 
 
 LATER = ("added_mass", "far_roll")

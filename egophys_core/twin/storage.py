@@ -3,6 +3,7 @@
 import io
 import json
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
             arrays = {key: archive[key] for key in archive.files}
         header: dict[str, Any] = json.loads(arrays.pop("header").tobytes())
         version = header["format_version"]
-    except (ValueError, TypeError, KeyError, OSError, EOFError, RuntimeError, zipfile.BadZipFile) as error:
+    except (ValueError, TypeError, KeyError, OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
         raise TwinError(
             f"{name} is not a twin file, or it is cut ({error}); build it again with egophys build"
         ) from error
@@ -76,7 +77,9 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
             ground_height=header["ground_height"],
             provenance=Provenance(**{**provenance, "episodes": tuple(provenance["episodes"])}),
         )
-    except (TypeError, KeyError, ValueError) as error:
+    except TwinError as error:
+        raise TwinError(f"{name}: {error}; build it again") from error
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
         raise TwinError(f"{name} lacks or has unknown twin fields ({error}); build it again") from error
     except EgophysError as error:
         raise TwinError(f"{name}: {error}; build it again") from error
@@ -88,6 +91,8 @@ def _effect(content: dict[str, Any]) -> TwinEffect:
     known = {parameter.name for parameter in effect_named(effect.name).parameters}
     if set(effect.values) != known:
         raise ValueError(f"effect {effect.name} has parameters {sorted(effect.values)}, not {sorted(known)}")
+    if not np.isfinite(list(effect.values.values())).all():
+        raise ValueError(f"effect {effect.name} has parameters that are not finite, {effect.values}")
     return effect
 
 

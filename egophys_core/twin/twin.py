@@ -11,7 +11,7 @@ import numpy as np
 from egophys_core.errors import TwinError
 from egophys_core.twin.graph import SpringGraph
 from egophys_core.twin.model import ObjectModel
-from egophys_core.twin.parameters import with_former_names
+from egophys_core.twin.parameters import is_finite_number, with_former_names
 
 CODEBOOK = "codebook."
 """Begins the names of a codebook's arrays."""
@@ -48,6 +48,12 @@ class Twin:
     def __post_init__(self) -> None:
         if self.grasp.ndim != 2 or self.grasp.shape[1] != 3:
             raise TwinError(f"twin grasp must be [C, 3] in metres, got {self.grasp.shape}")
+        if self.grasp.dtype.kind != "f" or not np.isfinite(self.grasp).all():
+            raise TwinError(
+                f"twin grasp must be finite floating-point numbers in metres, got {self.grasp.tolist()[:1]}"
+            )
+        if not is_finite_number(self.ground_height):
+            raise TwinError(f"ground_height must be a finite number in metres, got {self.ground_height!r}")
 
     @cached_property
     def twin_id(self) -> str:

@@ -77,12 +77,8 @@ def test_slender_template_keeps_its_node_budget() -> None:
 
 
 def test_mesh_of_a_box_is_the_box(tmp_path: Path) -> None:
-    scaled = "\n".join(
-        " ".join(["v", *(str(0.05 * float(value)) for value in line.split()[1:])]) if line.startswith("v") else line
-        for line in CUBE_OBJ.splitlines()
-    )
     path = tmp_path / "cube.obj"
-    path.write_text(scaled)
+    path.write_text(_cube_obj(0.05))
     cells = lattice(mesh_template(read_mesh(path)), held_ends=(True, False))
     box = lattice(parse_template("box:0.05x0.05x0.05"), held_ends=(True, False))
     np.testing.assert_allclose(cells.nodes, box.nodes, atol=1e-9)
@@ -108,6 +104,19 @@ def test_bad_template_is_refused(text: str) -> None:
         parse_template(text)
 
 
+@pytest.mark.parametrize("text", ["box:100x30x30", "box:1e9x1e9x1e9", "box:1e-9x1x1", "box:1e-4x1e-4x1e-4", "mm.obj"])
+def test_a_template_in_another_unit_is_refused(text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    _written(tmp_path / "mm.obj", _cube_obj(30.0).encode())
+    with pytest.raises(OptionsError, match=rf"template {text} measures .* m; give it in metres"):
+        parse_template(text)
+
+
+def test_a_plate_of_too_many_cells_is_refused() -> None:
+    with pytest.raises(OptionsError, match=r"4 x 4 x 0\.0005 m, is so thin for its width .* at most 5000"):
+        lattice(parse_template("box:4x4x0.0005"), held_ends=(True, False))
+
+
 @pytest.mark.parametrize("suffix", [".stl", ".ply"])
 def test_binary_meshes_are_read_whole_or_refused(tmp_path: Path, suffix: str) -> None:
     corners = read_mesh(_written(tmp_path / "cube.obj", CUBE_OBJ.encode())).corners
@@ -123,6 +132,13 @@ def test_binary_meshes_are_read_whole_or_refused(tmp_path: Path, suffix: str) ->
 def test_obj_without_its_triangles_is_refused(tmp_path: Path, text: str) -> None:
     with pytest.raises(OptionsError, match="not a whole"):
         read_mesh(_written(tmp_path / "cut.obj", text.encode()))
+
+
+def _cube_obj(edge: float) -> str:
+    return "\n".join(
+        " ".join(["v", *(str(edge * float(value)) for value in line.split()[1:])]) if line.startswith("v") else line
+        for line in CUBE_OBJ.splitlines()
+    )
 
 
 def _written(path: Path, content: bytes) -> Path:

@@ -145,6 +145,16 @@ def test_options_that_do_not_go_with_what_is_seen_are_refused(tmp_path):
         build([still_episode()], FitOptions(template="box:1x2"))
 
 
+def test_a_few_points_of_what_no_clamp_holds_are_refused_before_they_are_fitted():
+    still = still_episode(frames=20)
+    away = np.linspace(0.5, 0.0, still.frames, dtype=np.float32)[:, None, None]
+    reaching = replace(still, controllers=still.controllers - away)
+    with pytest.raises(
+        EpisodeError, match=r"cantilever: its 3 tracked points are 9 cm .* so few make no surface; track"
+    ):
+        build([reaching])
+
+
 def test_a_twin_of_markers_says_all_that_it_was_made_with():
     moved = moved_by_hand(record_of(curve(9), held_first=2, held_last=2, frames=40))
     twin = build([moved], FitOptions(density=1200.0), seed=3, parent_id="0123456789abcdef")

@@ -57,6 +57,7 @@ def test_another_format_is_refused(checkpoint, header, words):
     ("name", "value", "words"),
     [
         ("prototypes", np.zeros((2, 3), np.float32), "head_weights must be"),
+        ("prototypes", np.zeros((), np.float32), "prototypes must be"),
         ("surplus", np.zeros(1, np.float32), "unknown arrays"),
         ("hidden_weights", np.full((64, 18), np.inf, np.float32), "not finite"),
     ],
@@ -68,6 +69,13 @@ def test_wrong_arrays_are_refused(checkpoint, name, value, words):
         header = file.metadata()
     save_file({**load_file(checkpoint), name: value}, checkpoint, metadata=header)
     with pytest.raises(TwinError, match=words):
+        load_codebook(checkpoint)
+
+
+def test_numbers_that_numpy_has_not_are_refused(checkpoint):
+    content = checkpoint.read_bytes().replace(b'"F32","shape":[1]', b'"BF16","shape":[2]')
+    checkpoint.write_bytes((int.from_bytes(content[:8], "little") + 1).to_bytes(8, "little") + content[8:])
+    with pytest.raises(TwinError, match=r"prior\.safetensors is no checkpoint, .*bfloat16"):
         load_codebook(checkpoint)
 
 

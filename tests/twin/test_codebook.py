@@ -41,6 +41,7 @@ def test_a_model_says_how_stiff_its_springs_are():
     ("changes", "words"),
     [
         ({"low": np.zeros(3, np.float32)}, r"low must be \(18,\), got \(3,\)"),
+        ({"prototypes": np.array(1.0, np.float32)}, r"prototypes must be \(2, 0\), got \(\)"),
         ({"head_weights": np.zeros((2, 3, 64), np.float32)}, "head_weights must be"),
         ({"hidden_bias": np.full(64, np.nan, np.float32)}, "hidden_bias is not finite"),
         ({"scale": np.zeros(18, np.float32)}, "scale and temperature must be positive"),
@@ -68,6 +69,9 @@ def test_features_of_the_graph_do_not_change_as_the_object_is_moved_and_turned()
 def test_a_feature_that_is_not_finite_is_named():
     graph = sheet_model().graph
     lengths = graph.rest_lengths.copy()
-    lengths[3] = np.inf
-    with pytest.raises(TwinError, match="feature rest length of spring 3 is not finite"):
+    lengths[3] = 1e-40
+    with (
+        np.errstate(over="ignore"),
+        pytest.raises(TwinError, match="feature inverse rest length of spring 3 is not finite"),
+    ):
         static_features(replace(graph, rest_lengths=lengths))

@@ -91,6 +91,17 @@ def small_graph() -> SpringGraph:
         ({"kinds": np.zeros(3, np.uint8)}, r"kinds must be \(2,\), got \(3,\)"),
         ({"springs": np.array([[0, 1], [1, 3]], np.int32)}, "names node 3, there are 3"),
         ({"springs": np.array([[0, 1], [-1, 2]], np.int32)}, "spring names node"),
+        ({"springs": np.array([[0, 0], [1, 2]], np.int32)}, r"spring 0 must name its lower node first.* got \[0, 0\]"),
+        ({"springs": np.array([[0, 1], [2, 1]], np.int32)}, r"spring 1 must name its lower node first.* got \[2, 1\]"),
+        ({"springs": np.array([[0, 1], [1, 2]], float)}, "springs must be integers, got float64"),
+        ({"kinds": np.full(2, 9, np.uint8)}, r"kinds must be \[0, 1\], got 9"),
+        ({"positions": np.zeros((3, 3), complex)}, "positions must be floating-point numbers, got complex128"),
+        ({"surface": np.zeros(3, bool)}, "none of its 3 nodes is on the surface"),
+        ({"rest_lengths": np.array([1, np.inf], np.float32)}, "rest length of spring 1 is inf m"),
+        (
+            {name: array[:0] for name, array in vars(small_graph()).items() if name not in ("positions", "surface")},
+            "no springs between its 3 nodes",
+        ),
         ({"positions": np.full((3, 3), np.nan, np.float32)}, "node 0 is not finite"),
         ({"rest_lengths": np.array([1, 0], np.float32)}, r"spring 1 between nodes \[1, 2\] has rest length 0 m"),
         ({"rest_lengths": np.array([np.nan, 1], np.float32)}, "spring 0"),
@@ -146,6 +157,9 @@ def test_parameters_must_be_finite_and_not_negative(name, value):
     ("name", "value"),
     [
         ("total_mass", 0.0),
+        ("total_mass", 1e-30),
+        ("controller_neighbours", 0),
+        ("controller_neighbours", 2.5),
         ("stiffness", 0.0),
         ("controller_radius", 0.0),
         ("restitution", 1.1),
@@ -160,3 +174,12 @@ def test_parameters_must_be_in_their_range(name, value):
 def test_grasp_must_be_points():
     with pytest.raises(TwinError, match=r"grasp must be \[C, 3\] in metres, got \(3,\)"):
         make_twin(grasp=np.zeros(3, np.float32))
+    for grasp in (np.full((1, 3), "0.1"), np.full((1, 3), np.nan, np.float32)):
+        with pytest.raises(TwinError, match="grasp must be finite floating-point numbers in metres"):
+            make_twin(grasp=grasp)
+
+
+@pytest.mark.parametrize("height", ["zero", None, [0], np.nan])
+def test_the_height_of_the_table_must_be_a_number(height):
+    with pytest.raises(TwinError, match="ground_height must be a finite number in metres, got"):
+        make_twin(ground_height=height)

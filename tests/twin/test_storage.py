@@ -76,7 +76,7 @@ def test_twin_id_changes_with_every_array():
     for name, array in twin.arrays().items():
         changed = array.copy()
         if name == "springs":
-            changed[0] = changed[0][::-1]
+            changed[:2] = changed[1::-1]
         elif name == "grasp":
             changed = changed[:1]
         else:
@@ -155,6 +155,30 @@ def test_other_format_version_is_refused(version):
 def test_missing_array_is_refused(name):
     with pytest.raises(TwinError, match="lacks or has unknown twin fields"):
         decode_twin(rewritten(encode_twin(make_twin()), **{name: None}), name="it")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"parameters": [1]}, {"effects": [{"name": "quadratic_drag", "values": [1]}]}, {"ground_height": "zero"}],
+)
+def test_header_field_of_another_type_is_refused(changes):
+    content = encode_twin(make_twin())
+    with pytest.raises(TwinError, match=r"it\b.*build it again"):
+        decode_twin(with_header(content, {**header_of(content), **changes}), name="it")
+
+
+def test_a_damaged_compressed_twin_is_refused():
+    stream = io.BytesIO()
+    with np.load(io.BytesIO(encode_twin(make_twin()))) as archive:
+        np.savez_compressed(stream, **archive)
+    content = stream.getvalue()
+    assert decode_twin(content, name="it").twin_id == make_twin().twin_id
+    # The first byte of the compressed data, after a name of 30 bytes and the zip's own header of that array.
+    damaged = bytearray(content)
+    start = 30 + int.from_bytes(content[26:28], "little") + int.from_bytes(content[28:30], "little")
+    damaged[start] = 0xFF
+    with pytest.raises(TwinError, match="it is not a twin file"):
+        decode_twin(bytes(damaged), name="it")
 
 
 @pytest.mark.parametrize("name", ["kind", "parameters", "ground_height", "provenance"])

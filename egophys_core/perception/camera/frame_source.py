@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from egophys_core.episode import LONGEST_GAP_S
 from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.perception.camera.image_message import COMPRESSED_IMAGE, IMAGE, decode_image
 from egophys_core.perception.camera.lens import Camera
@@ -26,6 +27,9 @@ _ERRORS_ONLY = 2
 """Level of OpenCV's log."""
 _USUAL_RATE = 30.0
 """Frames a second of a film that says nothing of its rate."""
+
+_SHORTEST_STEP_S = 0.0005
+"""Seconds from one picture to the next: half of that at the largest rate, as times are rounded."""
 
 Wanted = Callable[[int], bool]
 
@@ -106,8 +110,8 @@ def open_frames(
 
 def _is_bag(path: Path) -> bool:
     if path.is_dir():
-        return (path / "metadata.yaml").exists() or any(each.suffix in BAGS for each in path.iterdir())
-    return path.suffix in BAGS
+        return (path / "metadata.yaml").exists() or any(each.suffix.lower() in BAGS for each in path.iterdir())
+    return path.suffix.lower() in BAGS
 
 
 def _film(path: Path) -> FrameSource:
@@ -222,6 +226,13 @@ def _read_times(file: Path, count: int) -> np.ndarray:
         raise RecordingError(f"{file}: has {len(seconds)} times for {count} pictures; one line each is needed")
     if not np.isfinite(seconds).all() or (np.diff(seconds) <= 0).any():
         raise RecordingError(f"{file}: the times must increase from line to line, in seconds")
+    steps = np.diff(seconds)
+    if len(steps) and (steps.min() < _SHORTEST_STEP_S or steps.max() > LONGEST_GAP_S):
+        raise RecordingError(
+            f"{file}: its {count} times span {seconds[-1] - seconds[0]:.2g} s, from one to the next "
+            f"{steps.min():.2g} .. {steps.max():.2g} s, where {_SHORTEST_STEP_S:g} .. {LONGEST_GAP_S:g} s are read; "
+            "give seconds, or leave out what is farther apart or nearer"
+        )
     return seconds
 
 

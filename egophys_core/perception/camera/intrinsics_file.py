@@ -10,7 +10,7 @@ import yaml
 from egophys_core.errors import EpisodeError, RecordingError
 from egophys_core.files import FileKind
 from egophys_core.perception.camera.frame_source import FrameSource
-from egophys_core.perception.camera.lens import Camera, DistortionModel, turned_matrix
+from egophys_core.perception.camera.lens import Camera, DistortionModel, require_plausible, turned_matrix
 
 _ALIASES = {"fisheye": DistortionModel.EQUIDISTANT, "": DistortionModel.PLUMB_BOB}
 _SAME_SHAPE = 0.005
@@ -51,16 +51,17 @@ def read_intrinsics(path: Path | str) -> Intrinsics:
     named = str(content.get("distortion_model", ""))
     try:
         camera = Camera(
-            width=int(content["image_width"]),
-            height=int(content["image_height"]),
-            matrix=_numbers(content["camera_matrix"]).reshape(3, 3),
+            width=_whole_number(content, "image_width"),
+            height=_whole_number(content, "image_height"),
+            matrix=_numbers(content, "camera_matrix", count=9).reshape(3, 3),
             model=_ALIASES.get(named, named),  # type: ignore[arg-type]  # Camera says which there are
-            coefficients=_numbers(content["distortion_coefficients"]),
+            coefficients=_numbers(content, "distortion_coefficients"),
         )
-        rotation = content.get("rotation_deg")
-        return Intrinsics(
-            camera=camera, rotation_deg=None if rotation is None else int(rotation) % 360, source=str(path)
-        )
+        require_plausible(camera)
+        rotation = None if content.get("rotation_deg") is None else _whole_number(content, "rotation_deg")
+        if rotation is not None and rotation % 90:
+            raise ValueError(f"rotation_deg must be a multiple of 90, got {rotation}")
+        return Intrinsics(camera=camera, rotation_deg=None if rotation is None else rotation % 360, source=str(path))
     except EpisodeError as error:
         raise EpisodeError(f"{path}: {error}") from error
     except (TypeError, ValueError) as error:
@@ -171,8 +172,28 @@ def _has_shape(camera: Camera, source: FrameSource) -> bool:
     return abs(camera.width * source.height / (camera.height * source.width) - 1) < _SAME_SHAPE
 
 
-def _numbers(matrix: Any) -> np.ndarray:
-    return np.array(matrix["data"] if isinstance(matrix, dict) else matrix, dtype=np.float64).reshape(-1)
+def _whole_number(content: dict[str, Any], name: str) -> int:
+    try:
+        value = float(content[name])
+    except (TypeError, ValueError, OverflowError):
+        value = np.nan
+    # Infinity and NaN are equal to no integer, and `%` makes NaN of them.
+    if value % 1 != 0:
+        raise ValueError(f"{name} must be a whole number, got {content[name]!r}")
+    return int(value)
+
+
+def _numbers(content: dict[str, Any], name: str, *, count: int | None = None) -> np.ndarray:
+    matrix = content[name]
+    if isinstance(matrix, dict) and "data" not in matrix:
+        raise ValueError(f"{name} has no data")
+    try:
+        numbers = np.array(matrix["data"] if isinstance(matrix, dict) else matrix, dtype=np.float64).reshape(-1)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"{name} is no list of numbers, {error}") from error
+    if count is not None and len(numbers) != count:
+        raise ValueError(f"{name} must be {count} numbers, got {len(numbers)}")
+    return numbers
 
 
 def _matrix(values: np.ndarray) -> dict[str, Any]:

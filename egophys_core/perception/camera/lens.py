@@ -19,6 +19,13 @@ _SHRINK_SMOOTHED = 1.5
 """Images that shrink by more than this are smoothed first; at less, bilinear sampling does not alias visibly."""
 
 
+SHORTEST_FOCAL, LONGEST_FOCAL = 0.05, 100.0
+"""Focal lengths in widths of the picture's longer side: a fisheye has 0.2, a long telephoto lens 30."""
+
+_MOST_STRETCHED = 10.0
+"""Times as far apart as in the picture without its distortion that points may be, at the median."""
+
+
 class DistortionModel(StrEnum):
     """Lens distortion as sensor_msgs/CameraInfo names it."""
 
@@ -109,6 +116,42 @@ class Camera:
         return distorted[:, 0] @ self.matrix[:2, :2].T + self.matrix[:2, 2]
 
 
+def require_plausible(camera: Camera) -> None:
+    """Check that a calibration can be that of a camera.
+
+    Raises:
+        EpisodeError: its focal length, principal point or distortion are far from those of any; says which.
+    """
+    longest, remedy = max(camera.width, camera.height), "calibrate the camera at this size, in pixels"
+    for axis, name in enumerate("xy"):
+        focal, centre = float(camera.matrix[axis, axis]), float(camera.matrix[axis, 2])
+        size = (camera.width, camera.height)[axis]
+        if not SHORTEST_FOCAL * longest <= focal <= LONGEST_FOCAL * longest:
+            raise EpisodeError(
+                f"camera matrix: focal length f{name} = {focal:g} pixels, of {camera.width} x {camera.height} it is "
+                f"{SHORTEST_FOCAL * longest:g} .. {LONGEST_FOCAL * longest:g}; {remedy}"
+            )
+        if not -size <= centre <= 2 * size:
+            raise EpisodeError(
+                f"camera matrix: principal point c{name} = {centre:g} pixels is more than a picture beside the "
+                f"{camera.width} x {camera.height} one; {remedy}"
+            )
+    if camera.is_pinhole:
+        return
+    with np.errstate(all="ignore"):
+        _inner_square(camera)
+        # Points of the picture without its distortion, evenly strewn.
+        x, y = (np.linspace(0.0, size - 1.0, 33) for size in (camera.width, camera.height))
+        pixels = np.stack([*np.meshgrid(x, y), np.ones((33, 33))], axis=-1)
+        places = camera.project(pixels.reshape(-1, 3) @ np.linalg.inv(camera.matrix).T).reshape(33, 33, 2)
+        stretch = np.sqrt(_cell_area(places) / _cell_area(pixels[..., :2]))
+    if not stretch <= _MOST_STRETCHED:
+        raise EpisodeError(
+            f"the distortion {camera.model} {camera.coefficients.tolist()} stretches the picture {stretch:.3g} times; "
+            "the calibration is not of this camera, calibrate again"
+        )
+
+
 def camera_from_message(message: Any, *, source: str) -> Camera:
     """The camera that a sensor_msgs/CameraInfo message object (rclpy's or rosbags') describes.
 
@@ -127,13 +170,15 @@ def camera_from_message(message: Any, *, source: str) -> Camera:
             f"offset {roi.x_offset}, {roi.y_offset}) is not read; record the full image, or a CameraInfo of the image"
         )
     try:
-        return Camera(
+        camera = Camera(
             width=int(message.width),
             height=int(message.height),
             matrix=np.array(lower["k"], dtype=np.float64).reshape(3, 3),
             model=message.distortion_model or DistortionModel.PLUMB_BOB,
             coefficients=np.array(lower["d"], dtype=np.float64),
         )
+        require_plausible(camera)
+        return camera
     except EpisodeError as error:
         raise EpisodeError(f"{source}: {error}") from error
 

@@ -79,10 +79,16 @@ def test_what_is_no_video_is_told(folder, tmp_path, capfd):
     refused("has 3 times for 11 pictures", folder, times=times)
     times.write_text(" ".join(str(each) for each in range(10, -1, -1)))
     refused("must increase", folder, times=times)
+    for unit, span in ((1e9, "1e[+]10"), (1e-12, "1e-11")):
+        times.write_text(" ".join(f"{unit * each:.15f}" for each in range(11)))
+        refused(f"its 11 times span {span} s, .*; give seconds", folder, times=times)
     times.write_text("soon later")
     refused("no list of times", folder, times=times)
     (tmp_path / "empty").mkdir()
     refused("neither a bag nor a folder", tmp_path / "empty", rate_hz=1.0)
+    (tmp_path / "empty/RIGHT.MCAP").write_bytes(b"no bag")
+    for bag in ("empty", "empty/RIGHT.MCAP"):
+        refused("RIGHT.MCAP: not a bag", tmp_path / bag)
     film = write_film(tmp_path / "film.mp4", images(3))
     refused("has times of its own", film, rate_hz=30.0)
     (tmp_path / "cut.mp4").write_bytes(film.read_bytes()[:500])

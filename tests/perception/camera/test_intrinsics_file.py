@@ -128,3 +128,24 @@ def test_what_is_no_calibration_is_told(tmp_path):
     refused("must be one of plumb_bob", ROS.replace("plumb_bob", "kannala"))
     refused("calibrate the camera", ROS.replace("210.000000", "0"))
     refused("no camera calibration of ROS", "- 1\n- 2")
+    refused("image_width must be a whole number, got inf", ROS.replace("192", ".inf"))
+    refused("rotation_deg must be a whole number, got inf", ROS + "rotation_deg: .inf")
+    refused("rotation_deg must be a multiple of 90, got 45", ROS + "rotation_deg: 45")
+    refused("camera_matrix has no data", ROS.replace("data: [210", "values: [210"))
+
+
+@pytest.mark.parametrize(
+    ("given", "absurd", "words"),
+    [
+        ("210.000000", "1.0e-9", "focal length fx = 1e-09 pixels, of 192 x 128 it is 9.6 .. 19200"),
+        ("212.000000", "1.0e+300", r"focal length fy = 1e\+300 pixels"),
+        ("98.000000", "8000", "principal point cx = 8000 pixels is more than a picture beside"),
+        ("-0.200000, 0.060000, 0.004000, -0.003000, 0.010000", "1.0e+9, 1.0e+9, 1.0e+9, 1.0e+9, 1.0e+9", "distortion"),
+        ("0.010000", "1.0e+5", "distortion plumb_bob .* stretches the picture"),
+    ],
+)
+def test_what_no_camera_has_is_told(tmp_path, given, absurd, words):
+    path = tmp_path / "cam.yaml"
+    path.write_text(ROS.replace(given, absurd))
+    with pytest.raises(EpisodeError, match=rf"cam\.yaml: .*{words}"):
+        read_intrinsics(path)

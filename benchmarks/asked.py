@@ -41,7 +41,7 @@ from egophys_core.twin import ObjectModel, Twin
 
 RESULT = Path(__file__).parent / "results/asked.json"
 
-DRAWN = 20261130_01
+DRAWN = 20261130_02
 """Seed of the objects and motions of this table."""
 
 MOST_ASKED = 2

@@ -92,11 +92,15 @@ class Episode:
             raise EpisodeError(f"{self.name}: point {self.point_ids[index]} is infinite at frame {frame}")
         if not self.visible.any(axis=1)[0]:
             raise EpisodeError(f"{self.name}: no object point is visible in the first frame; start the bag later")
-        largest = max(float(np.nanmax(np.abs(points))), float(np.abs(controllers).max(initial=0.0)))
+        self._require_metres("points", points)
+        self._require_metres("controllers", controllers)
+
+    def _require_metres(self, label: str, places: np.ndarray) -> None:
+        largest = float(np.nanmax(np.abs(places), initial=0.0))
         if largest > LARGEST_SCENE_M:
             raise EpisodeError(
-                f"{self.name}: a coordinate of {largest:.4g} m; points and controllers must be in metres: divide "
-                "millimetres by 1000"
+                f"{self.name}: a coordinate of {largest:.3g} m among the {label}, which must be in metres: divide "
+                "millimetres by 1000, centimetres by 100"
             )
 
     @property

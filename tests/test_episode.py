@@ -70,8 +70,8 @@ def test_episode_is_not_changed_in_place():
         ({"controllers": np.full((3, 1, 3), np.nan)}, "controller 7 is not finite at frame 0; drop that controller"),
         ({"points": with_value(np.inf, 1, 1)}, "point 9 is infinite at frame 1"),
         ({"points": with_value(np.nan, 0, 0) * [[[1]], [[1]], [[1]]] * np.nan}, "no object point is visible"),
-        ({"points": with_value(250.0, 2, 0)}, "a coordinate of 250 m; .*millimetres"),
-        ({"controllers": np.full((3, 1, 3), -1e30)}, r"a coordinate of 1e\+30 m; .*millimetres"),
+        ({"points": with_value(250.0, 2, 0)}, "a coordinate of 250 m among the points, .*millimetres"),
+        ({"controllers": np.full((3, 1, 3), -1e30)}, r"a coordinate of 1e\+30 m among the controllers, .*millimetres"),
     ],
 )
 def test_ill_formed_episodes_are_refused_with_their_name(change, text):

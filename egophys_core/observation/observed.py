@@ -121,7 +121,7 @@ def observe_episode(episode: AnyEpisode, *, load: float = 0.0) -> ObservedEpisod
     at_rest = observed_at_rest(shown, still)
     require_one_object(episode.name, at_rest)
     touched = first_touch(shown, seen_hands)
-    if touched > 0 and not hangs:
+    if touched > 0 and not hangs and len(at_rest):
         require_on_table(episode.name, at_rest, shown.ground_height)
     released = with_releases(shown, seen_hands.hands, seen_hands.delay)
     return ObservedEpisode(

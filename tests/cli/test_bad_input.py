@@ -250,6 +250,15 @@ def test_wrong_arguments_show_the_usage(egophys, arguments):
     assert err.startswith("usage: egophys")
 
 
+@pytest.fixture
+def hears_interrupts():
+    """Ctrl-C is heard, as in a shell; what a script starts in the background ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("hears_interrupts")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_stop_in_the_middle_of_writing_leaves_nothing(egophys, twin_file, episode_bag, tmp_path, monkeypatch, number):
     encode = episode_writer.encode_points
@@ -265,6 +274,7 @@ def test_stop_in_the_middle_of_writing_leaves_nothing(egophys, twin_file, episod
     assert os.listdir(tmp_path) == []
 
 
+@pytest.mark.usefixtures("hears_interrupts")
 def test_stop_while_a_subcommand_is_loaded(egophys, monkeypatch):
     monkeypatch.setattr("importlib.import_module", lambda name: os.kill(os.getpid(), signal.SIGINT))
     assert egophys("info", "x") == (130, "", "egophys info: stopped; nothing was written\n")

@@ -86,18 +86,18 @@ REFUSED = {
         away,
         "no hand .*; check that object and controller points are in the same frame and unit",
     ),
-    "millimetres": (scaled(1000), r"a coordinate of 1\d\d m; points must be in metres: divide millimetres by 1000"),
+    "millimetres": (scaled(1000), r"a coordinate of 1\d\d m among the points, .* metres: divide millimetres by 1000"),
     "points in millimetres": (
         scaled(1000, controllers=False),
-        r"a coordinate of 1\d\d m; .*divide millimetres by 1000",
+        r"a coordinate of 1\d\d m among the points, .*divide millimetres by 1000",
     ),
     "controllers in millimetres": (
         scaled(1000, points=False),
-        "no hand .*; check that .* are in the same frame and unit",
+        r"a coordinate of 2\d\d m among the controllers, .*divide millimetres by 1000",
     ),
     "centimetres": (
         scaled(100),
-        r"the object is 2\d\.\d m across, a twin is built of objects of 0\.01 \.\. 5 m; .*divide .*centimetres by 100",
+        r"a coordinate of 2\d\.\d m among the controllers, .*divide .*centimetres by 100",
     ),
     "divided by 1000 twice": (scaled(1e-3), r"the object is 0\.0002\d+ m across, .*divided by 1000 twice, do it once"),
     "all points at one place": (at_one_place, r"the object is 0 m across, a twin is built of objects of 0\.01"),

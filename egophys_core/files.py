@@ -108,6 +108,20 @@ def require_place(path: Path) -> None:
         raise OutputError(f"cannot write {path}: {error.strerror}; choose another name") from error
 
 
+def require_new_folder(folder: Path) -> None:
+    """Check that a folder can be made, or is empty, before the work that makes what goes into it.
+
+    Raises:
+        OutputError: `folder` is a file or not empty, or the folder above it is absent or may not be written to.
+    """
+    require_place(folder)
+    if folder.is_dir():
+        if any(folder.iterdir()):
+            raise OutputError(f"cannot write {folder}: the folder is not empty; choose another name or move it away")
+    elif folder.exists():
+        raise OutputError(f"cannot write {folder}: it is a file; give the name of a new folder")
+
+
 def hidden_name(path: Path) -> str:
     """How the hidden file or folder beside `path` is called in which it is made; not longer than `path` may be."""
     return f".{path.name[:40]}."

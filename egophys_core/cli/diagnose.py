@@ -11,7 +11,7 @@ from egophys_core.cli.marker_arguments import add_load_argument, loads_from
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
 from egophys_core.cli.seed_argument import seed
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.files import require_apart
+from egophys_core.files import require_apart, require_new_folder
 
 if TYPE_CHECKING:
     from egophys_core.diagnosis.diagnosis import Diagnosis
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(parsed: argparse.Namespace) -> int:
     """Diagnose, save and print."""
     from egophys_core.diagnosis.diagnosis import Outcome
-    from egophys_core.diagnosis.saving import require_new_folder, save_finding
+    from egophys_core.diagnosis.saving import save_finding
     from egophys_core.effects import effect_named
     from egophys_core.experiments import diagnose_and_ask
     from egophys_core.recording import read_episode

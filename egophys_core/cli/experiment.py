@@ -8,6 +8,7 @@ from typing import Any
 from egophys_core.cli.asking_arguments import add_hand_arguments, hands_of
 from egophys_core.cli.display import print_json, print_table, progress_bar
 from egophys_core.errors import OptionsError
+from egophys_core.files import require_new_folder
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +36,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Choose, save and print."""
-    from egophys_core.diagnosis.saving import require_new_folder
     from egophys_core.diagnosis.verdict.thresholds import Thresholds
     from egophys_core.effects import LIBRARY, effect_named
     from egophys_core.experiments import choose, save_experiment

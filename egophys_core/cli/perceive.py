@@ -16,8 +16,7 @@ from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import Report, print_json, print_remarks, print_table, progress_bar
 from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.errors import OutputError
-from egophys_core.files import hidden_folder, require_apart, require_place, write_atomically, write_json
+from egophys_core.files import hidden_folder, require_apart, require_new_folder, write_atomically, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.options import to_mapping
 from egophys_core.perception.options import PerceptionOptions
@@ -154,11 +153,7 @@ def _new_folder(out: Path) -> Iterator[Path]:
         OutputError: `out` is there and not an empty folder, or cannot be made.
     """
     out = Path(os.path.abspath(out))
-    require_place(out)
-    if out.is_dir() and any(out.iterdir()):
-        raise OutputError(f"cannot write {out}: the folder is not empty; choose another name or move it away")
-    if out.exists() and not out.is_dir():
-        raise OutputError(f"cannot write {out}: it is a file; give the name of a new folder")
+    require_new_folder(out)
     part = hidden_folder(out)
     try:
         yield part

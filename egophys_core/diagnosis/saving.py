@@ -8,7 +8,7 @@ from egophys_core.diagnosis.diagnose import Finding
 from egophys_core.diagnosis.diagnosis import save_diagnosis
 from egophys_core.effects import LIBRARY
 from egophys_core.errors import OutputError, TwinError
-from egophys_core.files import hidden_folder, require_place, write_atomically
+from egophys_core.files import hidden_folder, require_new_folder, write_atomically
 from egophys_core.reporting import EffectText, diagnosis_html
 from egophys_core.twin import save_twin
 
@@ -25,20 +25,6 @@ def effect_texts() -> dict[str, EffectText]:
         )
         for name, effect in LIBRARY.items()
     }
-
-
-def require_new_folder(folder: Path) -> None:
-    """Check that a finding can be saved, before the minutes that it takes to make one.
-
-    Raises:
-        OutputError: `folder` is a file or not empty, or the folder above it is absent or may not be written to.
-    """
-    require_place(folder)
-    if folder.is_dir():
-        if any(folder.iterdir()):
-            raise OutputError(f"cannot write {folder}: the folder is not empty; choose another name or move it away")
-    elif folder.exists():
-        raise OutputError(f"cannot write {folder}: it is a file; give the name of a new folder")
 
 
 def save_finding(finding: Finding, folder: Path) -> dict[str, Path]:

@@ -7,12 +7,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from egophys_core.diagnosis.saving import require_new_folder
 from egophys_core.errors import OutputError
 from egophys_core.experiments.choice import Proposal
 from egophys_core.experiments.hand_path import plan_of_path
 from egophys_core.experiments.prediction import predicted_episode
-from egophys_core.files import hidden_folder, write_json
+from egophys_core.files import hidden_folder, require_new_folder, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.plan_file import PlanFile, write_plan
 from egophys_core.reporting import draw_shapes

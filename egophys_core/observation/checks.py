@@ -20,7 +20,6 @@ that may be a wrong one. Gaps within objects are up to 2 spacings wide (100 reco
 MOST_IN_PIECES, FEWEST_IN_PIECES = 400, 20
 """Points of which pieces are told."""
 
-
 MOST_BELOW_TABLE_M, MOST_ABOVE_TABLE_M = 0.02, 0.1
 """Metres by which all of an object at rest may lie below the table, and over it; of one that is larger, its size. A
 table that was found in pictures is a centimetre off, and of a tall thing the top may be all that is seen."""

@@ -7,9 +7,10 @@ import pytest
 
 from egophys_core.diagnosis.diagnose import Finding
 from egophys_core.diagnosis.diagnosis import Outcome
-from egophys_core.diagnosis.saving import effect_texts, require_new_folder, save_finding
+from egophys_core.diagnosis.saving import effect_texts, save_finding
 from egophys_core.effects import LIBRARY
 from egophys_core.errors import OutputError
+from egophys_core.files import require_new_folder
 from egophys_core.twin import load_twin
 from tests.diagnosis.findings import make_diagnosis, make_evidence
 from tests.twin.examples import make_twin

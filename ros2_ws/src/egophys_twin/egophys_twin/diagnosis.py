@@ -8,10 +8,11 @@ from pathlib import Path
 
 from egophys_core.diagnosis.diagnose import Finding
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.diagnosis.saving import require_new_folder, save_finding
+from egophys_core.diagnosis.saving import save_finding
 from egophys_core.episode import Episode
 from egophys_core.episode_source import EpisodeSource
 from egophys_core.experiments import HandLimits, Proposal, diagnose_and_ask
+from egophys_core.files import require_new_folder
 from egophys_core.recording import write_episode
 from egophys_core.twin import Twin
 from egophys_twin.recordings import loads_by_name, observed_episodes, require_loads, require_recordings

@@ -72,6 +72,11 @@ def read_anchored(item: Item, folder: Path) -> AnchoredItem:
     return AnchoredItem(episode=episode, problem=problem, model=twin.model, anchor=twin.twin_id)
 
 
+def anchor_id(item: Item, folder: Path) -> str:
+    """Id of the coarse fit of an item; its episode is not read for it."""
+    return load_twin(_path(folder, item, "coarse")).twin_id
+
+
 def is_anchored(item: Item, folder: Path) -> bool:
     """Whether an item has its coarse fit."""
     return _path(folder, item, "coarse").exists()

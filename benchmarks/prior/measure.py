@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.prior.anchors import OPTIONS, SEED, AnchoredItem, prepared, read_anchored
+from benchmarks.prior.anchors import OPTIONS, SEED, AnchoredItem, anchor_id, prepared, read_anchored
 from benchmarks.prior.dataset import FOLDER
 from benchmarks.prior.items import Item
 from benchmarks.prior.spring_gaus import fit_spring_gaus
@@ -77,8 +77,11 @@ def measure_all(
 
 def measure_item(item: Item, models: list[str], anchors: Path, trained: Path, rows: Path) -> None:
     """Rows of one item, of those models that have none yet which begins with its present coarse fit."""
+    anchor = anchor_id(item, anchors)
+    missing = [name for name in models if not _is_measured(rows, item, name, anchor)]
+    if not missing:
+        return
     anchored = read_anchored(item, anchors)
-    missing = [name for name in models if not _is_measured(rows, item, name, anchored.anchor)]
     codebook = load_codebook(checkpoint(trained, CODEBOOK))
     for budgets, model in ((DENSE, anchored.model), (REFINED, with_prior(anchored.model, codebook)[0])):
         wanted = [name for name in budgets if name in missing]

@@ -27,7 +27,7 @@ from egophys_core.diagnosis.diagnosis import Diagnosis
 from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
 from egophys_core.diagnosis.evidence.predicting_twin import predicting_pair
 from egophys_core.diagnosis.evidence.refit import refit_from
-from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.experiments import PERSON, Conclusion, Proposal, diagnose_and_ask

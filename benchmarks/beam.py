@@ -9,8 +9,9 @@ import numpy as np
 from benchmarks.accuracy import DATA
 from egophys_core.diagnosis.diagnose import diagnose
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, track_offsets
+from egophys_core.diagnosis.evidence.residuals import track_offsets
 from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.identification import FitOptions, build
 from egophys_core.recording import read_episode
 from egophys_core.twin import ObjectModel

@@ -17,8 +17,8 @@ from benchmarks.movement import movement
 from benchmarks.provenance import commit
 from benchmarks.side_by_side import side_by_side
 from egophys_core.diagnosis.diagnose import diagnose, fitted_and_validation
-from egophys_core.diagnosis.hypotheses.search_verdict import Search
 from egophys_core.diagnosis.options import DiagnosisOptions
+from egophys_core.diagnosis.verdict.search_verdict import Search
 from egophys_core.episode import Episode
 from egophys_core.files import write_json
 from egophys_core.identification import FitOptions, build

@@ -144,6 +144,17 @@ def test_plan_of_the_rooms_has_no_circle():
         done |= ready
 
 
+STEPS_OF_DIAGNOSIS = ("direct", "evidence", "hypotheses", "verdict")
+"""Its sub-rooms in the order in which one builds on the other; what all use are modules beside them."""
+
+
+@pytest.mark.parametrize("step", STEPS_OF_DIAGNOSIS)
+def test_steps_of_a_diagnosis_build_only_on_earlier_ones(step):
+    later = STEPS_OF_DIAGNOSIS[STEPS_OF_DIAGNOSIS.index(step) + 1 :]
+    imports = re.compile(rf"egophys_core\.diagnosis\.({'|'.join(later) or 'diagnose'})\b")
+    assert not [path.name for path in (PACKAGE / "diagnosis" / step).glob("*.py") if imports.search(path.read_text())]
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(PACKAGE)))
 def test_module_says_what_it_is_and_is_small(path):
     text = path.read_text()

@@ -36,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(parsed: argparse.Namespace) -> int:
     """Choose, save and print."""
-    from egophys_core.diagnosis.verdict.thresholds import Thresholds
+    from egophys_core.diagnosis.thresholds import Thresholds
     from egophys_core.effects import LIBRARY, effect_named
     from egophys_core.experiments import choose, save_experiment
     from egophys_core.experiments.open_questions import read_open_questions

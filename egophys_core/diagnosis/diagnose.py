@@ -25,17 +25,18 @@ from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.evidence.predicting_twin import predicting_pair
 from egophys_core.diagnosis.evidence.refit import Fitted
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, acceleration, observe, track_offsets
+from egophys_core.diagnosis.evidence.residuals import acceleration, track_offsets
 from egophys_core.diagnosis.evidence.where import where
 from egophys_core.diagnosis.hypotheses.attained_gain import AttainedGains
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
-from egophys_core.diagnosis.hypotheses.search_verdict import Search
+from egophys_core.diagnosis.null_gains import NullGains, null_gains
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
+from egophys_core.diagnosis.thresholds import thresholds_for
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode, observe
 from egophys_core.diagnosis.verdict.explain import explain
-from egophys_core.diagnosis.verdict.null_gains import NullGains, null_gains
-from egophys_core.diagnosis.verdict.thresholds import thresholds_for
+from egophys_core.diagnosis.verdict.search_verdict import Search
 from egophys_core.effects import effect_named
 from egophys_core.episode import Episode
 from egophys_core.errors import DiscrepancyError, EpisodeError

@@ -65,7 +65,7 @@ class Candidate:
     """Log-likelihood gain on blocks and episodes that were not fitted, over the same refit without the effect;
     of what was measured directly, on grips, falls or sheets at rest that were not fitted."""
     p_null: float
-    """Share of rehearsed sets without an effect in which some effect gains as much (`verdict/null_gains.py`); of what
+    """Share of rehearsed sets without an effect in which some effect gains as much (`null_gains.py`); of what
     was measured directly, how likely such a gain is without it."""
     fitted_gain: float
     """Log-likelihood gain on what was fitted."""

@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.diagnosis.thresholds import Thresholds
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 
 Progress = Callable[[str, float], None]
 """Called with stage and share of the whole done (0..1); may raise to stop."""

@@ -79,6 +79,7 @@ __all__ = [
     "added",
     "effect_named",
     "general_forms",
+    "nested",
 ]
 
 
@@ -118,3 +119,11 @@ def effect_named(name: str) -> Effect:
 def general_forms(name: str) -> tuple[str, ...]:
     """Effects of the library of which one is a special case."""
     return tuple(other.name for other in LIBRARY.values() if name in other.traits.special_cases)
+
+
+def nested(name: str) -> set[str]:
+    """Effects that one contains, or that contain it.
+
+    That the special case is refuted says nothing against the general one, nor the other way round.
+    """
+    return {*effect_named(name).traits.special_cases, *general_forms(name)}

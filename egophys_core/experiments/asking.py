@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from egophys_core.diagnosis.diagnose import Finding, diagnose
 from egophys_core.diagnosis.diagnosis import NamedEffect, Outcome
 from egophys_core.diagnosis.options import DiagnosisOptions
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.effects import effect_named
 from egophys_core.errors import PlanningError
 from egophys_core.experiments.choice import Proposal, choose

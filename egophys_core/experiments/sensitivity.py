@@ -11,10 +11,11 @@ from egophys_core.diagnosis.direct.free_fall_effects import fall_limits, measure
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters
 from egophys_core.diagnosis.evidence.linear_problem import LinearProblem, fit, free_columns, linear_problem
 from egophys_core.diagnosis.evidence.refit import refit
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import evenly_chosen, probe_effects
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.diagnosis.thresholds import Thresholds
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode, observe
 from egophys_core.effects import LIBRARY
 from egophys_core.episode import Episode
 from egophys_core.kinds import kind_of

@@ -13,7 +13,7 @@ import pytest
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters
 from egophys_core.diagnosis.evidence.refit import refit
-from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.identification import FitOptions, build, evaluate_twin, predict
 from egophys_core.kinds import KINDS, Kind, kind_of, node_masses, resting_height
 from egophys_core.kinds.kind import FittedParameter, FromSurface, RestShape, Searched

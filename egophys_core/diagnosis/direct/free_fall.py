@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from egophys_core.constants import GRAVITY
 from egophys_core.diagnosis.direct.seen_shape import normal_products, seen_sheet, seen_solid
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.geometry import rigid_fit
 from egophys_core.kinds.surface_faces import faces_of_sheet
 

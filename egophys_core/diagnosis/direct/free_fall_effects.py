@@ -12,7 +12,7 @@ from egophys_core.diagnosis.diagnosis import DetectionLimit, Estimate
 from egophys_core.diagnosis.direct.free_fall import falls_in
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
 from egophys_core.diagnosis.direct.size_limits import size_limits
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import Effect, effect_named, general_forms
 from egophys_core.effects.traits import Measurement
 

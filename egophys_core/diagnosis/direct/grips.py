@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import effect_named
 from egophys_core.effects.effect_values import Values
 from egophys_core.effects.hands import turns

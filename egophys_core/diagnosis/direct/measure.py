@@ -16,8 +16,8 @@ from egophys_core.diagnosis.direct.measured import Estimator, MeasuredEffect, Re
 from egophys_core.diagnosis.direct.plumb_line import plumb_line_effects
 from egophys_core.diagnosis.direct.ring_down_effects import ring_down_effects
 from egophys_core.diagnosis.direct.table_level import table_level_effects
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.diagnosis.thresholds import Thresholds
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import LIBRARY, effect_named
 from egophys_core.effects.traits import Measurement
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare, not_asked
 from egophys_core.diagnosis.diagnosis import Estimate
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.diagnosis.thresholds import Thresholds
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import effect_named
 
 

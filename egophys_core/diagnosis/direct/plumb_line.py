@@ -11,7 +11,7 @@ from scipy.special import stdtrit
 
 from egophys_core.diagnosis.diagnosis import Estimate
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import Effect, effect_named
 from egophys_core.simulation import ContactKind
 

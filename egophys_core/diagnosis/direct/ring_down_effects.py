@@ -17,7 +17,7 @@ from egophys_core.diagnosis.direct.ring_down_fit import (
     ring_down_gains,
 )
 from egophys_core.diagnosis.direct.surrogates import shifted_p
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import Parameter, effect_named
 
 OSCILLATES = 0.1

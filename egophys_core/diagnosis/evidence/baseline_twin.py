@@ -22,7 +22,8 @@ from egophys_core.diagnosis.evidence.refit import (
     refit_further,
     residual_scale,
 )
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import TwinEffect
 from egophys_core.kinds import kind_of
 from egophys_core.twin import ObjectModel

@@ -7,7 +7,7 @@ import numpy as np
 
 from egophys_core.diagnosis.diagnosis import PredictionErrors
 from egophys_core.diagnosis.direct.mounting import as_mounted
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.evaluation import chamfer_per_frame, lagging_prediction, track_error_per_frame
 from egophys_core.simulation import batch_of_models, rollout
 from egophys_core.twin import ObjectModel

@@ -18,7 +18,8 @@ from egophys_core.diagnosis.evidence.linear_problem import (
     free_columns,
     left_out_losses,
 )
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import TwinEffect, added
 from egophys_core.twin import ObjectModel
 

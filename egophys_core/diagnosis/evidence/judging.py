@@ -22,7 +22,8 @@ from egophys_core.diagnosis.evidence.linear_problem import (
     trusted_columns,
 )
 from egophys_core.diagnosis.evidence.refit import Fitted, cell_losses, median_size, refit
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import effect_named
 from egophys_core.twin import ObjectModel
 

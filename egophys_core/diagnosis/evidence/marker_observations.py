@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks, smoothed
-from egophys_core.diagnosis.evidence.observer import FREE
-from egophys_core.diagnosis.evidence.residuals import BLOCK_S, FEWEST_IN_BLOCK, TrackedEpisode, block_numbers
+from egophys_core.diagnosis.evidence.residuals import FEWEST_IN_BLOCK
+from egophys_core.diagnosis.observed_tracks import ObservedTracks, smoothed
+from egophys_core.diagnosis.tracked_episode import BLOCK_S, FREE, TrackedEpisode, block_numbers
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.traits import Need
 from egophys_core.errors import DiscrepancyError

@@ -8,13 +8,8 @@ offsets, the innovations, are what parameters and effects are fitted to.
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.observed_tracks import ObservedTracks
-
-FREE = 0.0
-"""w of a free rollout, which is not nudged."""
-
-RATE = 5.0
-"""w, 1/s: what the twin lacks shows over the last fifth of a second or so (docs/notes/discrepancy.md)."""
+from egophys_core.diagnosis.observed_tracks import ObservedTracks
+from egophys_core.diagnosis.tracked_episode import RATE
 
 DAMPING_RATIO = 0.7
 """z: the twin follows without overshoot."""

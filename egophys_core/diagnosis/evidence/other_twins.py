@@ -16,7 +16,7 @@ from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameter
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, gain_on_left_out_data
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.refit import Fitted, losses_of, refit, refit_from
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import effect_named
 from egophys_core.twin import ObjectModel
 

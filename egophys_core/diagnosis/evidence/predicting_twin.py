@@ -12,7 +12,7 @@ import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_values
 from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, free_errors
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.twin import ObjectModel
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)

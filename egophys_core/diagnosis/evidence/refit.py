@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import FreeParameter, with_values
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.twin import ObjectModel
 
 CORRELATED = 3.0

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.diagnosis.diagnosis import Where
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.simulation import ContactKind
 
 NEAR_HAND, FAR_FROM_HAND = 0.05, 0.12

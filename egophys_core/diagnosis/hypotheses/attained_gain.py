@@ -15,9 +15,9 @@ import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameter, with_effect
 from egophys_core.diagnosis.evidence.refit import LEAST_GAIN, Fitted, cell_losses, damped_steps, prior_loss
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.hypotheses.ranking import Probe
 from egophys_core.diagnosis.hypotheses.visited_models import VisitedModels
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.twin import ObjectModel
 
 ROUNDS = 14

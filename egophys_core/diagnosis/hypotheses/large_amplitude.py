@@ -12,8 +12,9 @@ import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import at_null, at_share, with_effect
 from egophys_core.diagnosis.evidence.linear_problem import LinearProblem, baseline_columns, left_out_losses
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import Effect
 from egophys_core.twin import ObjectModel
 

@@ -14,8 +14,7 @@ from egophys_core.diagnosis.evidence.refit import Fitted, refit_from
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.diagnosis.hypotheses.starts import starts_beside, starts_from_rival
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
-from egophys_core.diagnosis.verdict.penalised_gain import nested
-from egophys_core.effects import effect_named
+from egophys_core.effects import effect_named, nested
 from egophys_core.twin import ObjectModel
 
 MOST_CONFOUNDERS = 2

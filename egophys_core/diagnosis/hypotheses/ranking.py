@@ -24,7 +24,8 @@ from egophys_core.diagnosis.evidence.linear_problem import (
     surrogate,
 )
 from egophys_core.diagnosis.evidence.refit import secant_of
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import LIBRARY, Effect, Surroundings
 from egophys_core.twin import ObjectModel
 

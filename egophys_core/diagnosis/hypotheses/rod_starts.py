@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from egophys_core.diagnosis.evidence.refit import robust_loss
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
 from egophys_core.diagnosis.hypotheses.large_amplitude import there_and_beyond
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.kinds.rod import DAMPING_RATIO, retardation_of, rigidity_of, with_bending
 from egophys_core.twin import ObjectModel
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import at_share, with_effect, with_values
 from egophys_core.diagnosis.evidence.refit import Fitted, best_of_each, losses_of
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
 from egophys_core.diagnosis.hypotheses.large_amplitude import there_and_beyond
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.twin import ObjectModel
 
 SHARES = (0.25, 0.5, 1.0, 2.0)

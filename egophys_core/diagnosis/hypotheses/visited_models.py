@@ -6,7 +6,8 @@ import numpy as np
 
 from egophys_core.diagnosis.evidence.fitted_parameters import with_values
 from egophys_core.diagnosis.evidence.refit import Fitted, neighbours, secant_of
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.twin import ObjectModel
 
 MOST_NEAR = 24

@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare, not_asked, state
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
+from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.diagnosis.verdict.penalised_gain import (
     explains_less,
     needed_to_rival,
     penalised_gain,
     simpler,
 )
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import effect_named
 
 

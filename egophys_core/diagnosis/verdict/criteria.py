@@ -7,8 +7,8 @@ import numpy as np
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare, not_asked, state
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
+from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.diagnosis.verdict.penalised_gain import complexity_penalty
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from egophys_core.effects import effect_named
 from egophys_core.effects.traits import never
 from egophys_core.kinds import kind_of

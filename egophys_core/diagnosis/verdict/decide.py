@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from egophys_core.diagnosis.criterion import CriterionResult
 from egophys_core.diagnosis.diagnosis import MOST_MISSES, Decision, NearestMiss, Outcome
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
+from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.diagnosis.verdict.comparison import (
     has_no_equivalent,
     is_horizontal,
@@ -21,10 +22,9 @@ from egophys_core.diagnosis.verdict.comparison import (
     told_apart,
 )
 from egophys_core.diagnosis.verdict.criteria import CRITERIA, SCREENS, SUPPORT, Setting
-from egophys_core.diagnosis.verdict.penalised_gain import nested, penalised_gain
+from egophys_core.diagnosis.verdict.penalised_gain import penalised_gain
 from egophys_core.diagnosis.verdict.rules import Situation, Standing, first_ruling
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
-from egophys_core.effects import effect_named
+from egophys_core.effects import effect_named, nested
 
 
 @dataclass(frozen=True, kw_only=True)

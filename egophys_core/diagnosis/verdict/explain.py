@@ -8,10 +8,10 @@ from egophys_core.diagnosis.direct.measure import MeasuredEffect
 from egophys_core.diagnosis.evidence.baseline_twin import BaselineTwin
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.evidence.refit import Fitted
-from egophys_core.diagnosis.hypotheses.search import search
-from egophys_core.diagnosis.hypotheses.search_verdict import Search
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.verdict.rules import experiment_for
+from egophys_core.diagnosis.verdict.search import search
+from egophys_core.diagnosis.verdict.search_verdict import Search
 
 ROUNDS = 2
 """Of naming an effect: what was measured is one, and what a search names."""

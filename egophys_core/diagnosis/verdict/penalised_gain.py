@@ -3,8 +3,8 @@
 import numpy as np
 
 from egophys_core.diagnosis.evidence.judging import RefittedEffect, interval_of_sum
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
-from egophys_core.effects import effect_named, general_forms
+from egophys_core.diagnosis.thresholds import Thresholds
+from egophys_core.effects import effect_named
 
 RESAMPLES = 500
 """Of the blocks, for the interval of a difference."""
@@ -35,14 +35,6 @@ def needed_to_rival(candidate: RefittedEffect, best: RefittedEffect, thresholds:
 def explains_less(candidate: RefittedEffect, best: RefittedEffect, thresholds: Thresholds) -> bool:
     """Whether a candidate explains clearly less than the best."""
     return penalised_gain(candidate, thresholds) < needed_to_rival(candidate, best, thresholds)
-
-
-def nested(name: str) -> set[str]:
-    """Effects that one contains, or that contain it.
-
-    That the special case is refuted says nothing against the general one, nor the other way round.
-    """
-    return {*effect_named(name).traits.special_cases, *general_forms(name)}
 
 
 def simpler(name: str) -> set[str]:

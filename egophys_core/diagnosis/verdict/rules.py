@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare
 from egophys_core.diagnosis.diagnosis import NearestMiss, Outcome
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
+from egophys_core.diagnosis.thresholds import STRUCTURED
 from egophys_core.diagnosis.verdict.comparison import has_no_equivalent, is_horizontal, told_apart
 from egophys_core.diagnosis.verdict.criteria import Setting, held_out_gain
 from egophys_core.diagnosis.verdict.penalised_gain import complexity_penalty
-from egophys_core.diagnosis.verdict.thresholds import STRUCTURED
 from egophys_core.effects import effect_named
 
 ANOTHER_MOTION = "record one more motion, and give it last: it is not fitted, and what is named has to show there, too"

@@ -10,7 +10,7 @@ import pytest
 from egophys_core.diagnosis.direct.free_fall import fallen, falls_in, motion_of
 from egophys_core.diagnosis.direct.free_fall_effects import fall_limits, free_fall_effects, measured_by_falls
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.effects import LIBRARY
 from egophys_core.episode import Episode
 from egophys_core.observation import observe_episode

@@ -9,7 +9,7 @@ from scipy.interpolate import interp1d
 
 from egophys_core.diagnosis.direct.measure import measure
 from egophys_core.diagnosis.direct.measured import MeasuredEffect
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode, observe
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode, observe
 from egophys_core.effects import TwinEffect
 from egophys_core.effects.rotations import rotation
 from egophys_core.episode import Episode

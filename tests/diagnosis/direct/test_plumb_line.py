@@ -9,7 +9,7 @@ import pytest
 
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings
 from egophys_core.diagnosis.direct.plumb_line import lean, plumb_line_effects, tilt_values
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
+from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.rotations import rotation
 from egophys_core.episode import Episode

@@ -9,7 +9,7 @@ import pytest
 from egophys_core.diagnosis.direct.measure import measure
 from egophys_core.diagnosis.direct.measured import MeasuredEffect
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
-from egophys_core.diagnosis.evidence.residuals import TrackedEpisode
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import TwinEffect
 from egophys_core.episode import Episode
 from tests.diagnosis.cantilever import body_and_model, ring_down_episode, twin_of

@@ -4,7 +4,7 @@ import pytest
 
 from egophys_core.diagnosis.evidence.baseline_twin import fit_baseline, follows
 from egophys_core.diagnosis.evidence.refit import losses_of
-from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.diagnosis.tracked_episode import observe
 from tests.diagnosis.rehearsed import away, episodes, fallen, sheet
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from egophys_core.diagnosis.evidence.free_rollouts import episode_error, free_errors
-from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.diagnosis.tracked_episode import observe
 from tests.diagnosis.rehearsed import episodes, sheet
 
 

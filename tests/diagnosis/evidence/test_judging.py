@@ -7,7 +7,7 @@ import pytest
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.diagnosis.evidence.judging import validated
 from egophys_core.diagnosis.evidence.refit import refit
-from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.diagnosis.tracked_episode import observe
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
 from tests.diagnosis.verdict.test_decide import judged
 

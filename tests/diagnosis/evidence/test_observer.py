@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from egophys_core.diagnosis.evidence import residuals as residuals_module
-from egophys_core.diagnosis.evidence.residuals import block_means, observe, residuals, track_offsets
+from egophys_core.diagnosis.evidence.residuals import block_means, residuals, track_offsets
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import TwinEffect
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
 

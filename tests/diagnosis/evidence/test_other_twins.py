@@ -11,7 +11,7 @@ from egophys_core.diagnosis.evidence.baseline_twin import TriedTwin, fit_baselin
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.evidence.other_twins import beside_other_twins, other_twins
 from egophys_core.diagnosis.evidence.refit import refit
-from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import TwinEffect
 from egophys_core.kinds.rod import rod_model
 from tests.diagnosis.cantilever import twin_of

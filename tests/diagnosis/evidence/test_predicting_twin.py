@@ -8,7 +8,7 @@ import pytest
 from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
 from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors
 from egophys_core.diagnosis.evidence.predicting_twin import best_predicting, between, predicting_pair, shares_left
-from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import TwinEffect
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
 from tests.simulation.scenes import sheet_model, sheet_positions

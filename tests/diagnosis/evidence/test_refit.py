@@ -10,7 +10,8 @@ from egophys_core.diagnosis.evidence.fitted_parameters import (
     with_effect,
 )
 from egophys_core.diagnosis.evidence.refit import refit, refit_from, robust_loss
-from egophys_core.diagnosis.evidence.residuals import observe, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import LIBRARY
 from tests.diagnosis.cantilever import body_and_model
 from tests.diagnosis.rehearsed import WIND, episodes, sheet

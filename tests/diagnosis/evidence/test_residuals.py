@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.evidence.observer import FREE, RATE
-from egophys_core.diagnosis.evidence.residuals import acceleration, observe
+from egophys_core.diagnosis.evidence.residuals import acceleration
+from egophys_core.diagnosis.tracked_episode import FREE, RATE, observe
 from tests.diagnosis.rehearsed import episodes, sheet
 
 ACCELERATION = np.array([1.0, 2.0, -2.0])

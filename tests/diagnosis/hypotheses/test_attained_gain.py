@@ -6,9 +6,10 @@ import pytest
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters, with_effect
 from egophys_core.diagnosis.evidence.refit import refit, refit_further, robust_loss
-from egophys_core.diagnosis.evidence.residuals import observe, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
 from egophys_core.diagnosis.hypotheses.attained_gain import AttainedGains, InjectedEffect
 from egophys_core.diagnosis.hypotheses.ranking import Probe
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import LIBRARY
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
 

@@ -8,11 +8,11 @@ from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameter
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.evidence.refit import refit
-from egophys_core.diagnosis.evidence.residuals import observe
 from egophys_core.diagnosis.hypotheses.model_selection import select_models
 from egophys_core.diagnosis.hypotheses.ranking import probe_effects, rank
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import LIBRARY
 from egophys_core.kinds.rod import rod_model
 from tests.diagnosis.cantilever import twin_of

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from egophys_core.diagnosis.evidence.residuals import observe, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
 from egophys_core.diagnosis.hypotheses.ranking import probe_effects, surroundings
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import LIBRARY
 from tests.diagnosis.rehearsed import episodes, sheet
 

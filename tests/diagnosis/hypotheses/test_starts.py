@@ -6,8 +6,9 @@ import pytest
 
 from egophys_core.diagnosis.evidence.fitted_parameters import effect_values, with_effect
 from egophys_core.diagnosis.evidence.refit import robust_loss
-from egophys_core.diagnosis.evidence.residuals import observe, residuals
+from egophys_core.diagnosis.evidence.residuals import residuals
 from egophys_core.diagnosis.hypotheses.starts import starts_from_rival
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import LIBRARY
 from tests.diagnosis.rehearsed import WIND, episodes, sheet
 

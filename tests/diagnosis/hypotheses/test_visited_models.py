@@ -5,8 +5,8 @@ import pytest
 
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters
 from egophys_core.diagnosis.evidence.refit import refit
-from egophys_core.diagnosis.evidence.residuals import observe
 from egophys_core.diagnosis.hypotheses.visited_models import VisitedModels
+from egophys_core.diagnosis.tracked_episode import observe
 from tests.diagnosis.rehearsed import episodes, sheet
 
 

@@ -8,9 +8,9 @@ import pytest
 
 from egophys_core.diagnosis.diagnosis import Estimate, NearestMiss, Outcome
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
+from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.diagnosis.verdict import decide as verdict_module
 from egophys_core.diagnosis.verdict.decide import Verdict
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from tests.simulation.scenes import sheet_model
 
 TILT = {axis: Estimate(value=0.1, unit="rad", ci95=(0.05, 0.15)) for axis in ("about_x", "about_y")}

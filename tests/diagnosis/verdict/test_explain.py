@@ -8,8 +8,8 @@ import pytest
 from egophys_core.diagnosis.diagnosis import Outcome
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem
+from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.diagnosis.verdict import explain
-from egophys_core.diagnosis.verdict.thresholds import Thresholds
 from tests.diagnosis.findings import make_decision
 
 DELAY = SimpleNamespace(name="control_delay", shows=True, reason="control_delay is measured", alike=())

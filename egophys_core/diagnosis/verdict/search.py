@@ -9,9 +9,9 @@ from egophys_core.diagnosis.evidence.judging import judge
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.refit import Fitted, refit_further
 from egophys_core.diagnosis.hypotheses.model_selection import select_models
-from egophys_core.diagnosis.hypotheses.search_verdict import Judged, Search, concluded
 from egophys_core.diagnosis.hypotheses.survey import Survey, survey_effects
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
+from egophys_core.diagnosis.verdict.search_verdict import Judged, Search, concluded
 from egophys_core.effects import LIBRARY
 from egophys_core.kinds import kind_of
 from egophys_core.twin import ObjectModel

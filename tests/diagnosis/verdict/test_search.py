@@ -9,9 +9,9 @@ from egophys_core.diagnosis.diagnosis import Outcome
 from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameters
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.evidence.refit import refit
-from egophys_core.diagnosis.hypotheses.search import search
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem
+from egophys_core.diagnosis.verdict.search import search
 from egophys_core.effects import LIBRARY
 from egophys_core.kinds.rod import rod_model
 from tests.diagnosis.cantilever import twin_of

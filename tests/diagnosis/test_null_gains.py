@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import kstest
 
-from egophys_core.diagnosis.verdict.null_gains import ASKED, RECORDED, NullGains, null_gains
-from egophys_core.diagnosis.verdict.thresholds import thresholds_for
+from egophys_core.diagnosis.null_gains import ASKED, RECORDED, NullGains, null_gains
+from egophys_core.diagnosis.thresholds import thresholds_for
 
 RESULTS = Path(__file__).resolve().parents[3] / "benchmarks/results"
 

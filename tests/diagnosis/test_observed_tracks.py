@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.evidence.observed_tracks import observed_tracks, smoothed
-from egophys_core.diagnosis.evidence.residuals import observe
+from egophys_core.diagnosis.observed_tracks import observed_tracks, smoothed
+from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.observation import observe_episode
 from tests.diagnosis.rehearsed import episodes, sheet
 from tests.simulation.scenes import frame_times

@@ -8,7 +8,7 @@ are in log-likelihood, on data that were left out.
 from dataclasses import dataclass, replace
 from typing import Self
 
-from egophys_core.diagnosis.verdict.null_gains import RECORDED, NullGains
+from egophys_core.diagnosis.null_gains import RECORDED, NullGains
 
 NOISE_SHARE = 0.5
 """Of what points near hands miss of a step of these (`TrackedEpisode.noise`), what is left in the mean of a block. It

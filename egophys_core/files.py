@@ -3,8 +3,10 @@
 import json
 import os
 import re
+import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -120,6 +122,24 @@ def require_new_folder(folder: Path) -> None:
             raise OutputError(f"cannot write {folder}: the folder is not empty; choose another name or move it away")
     elif folder.exists():
         raise OutputError(f"cannot write {folder}: it is a file; give the name of a new folder")
+
+
+@contextmanager
+def new_folder(folder: Path) -> Iterator[Path]:
+    """A folder to write to that stands at `folder` whole when the block ends, or not at all.
+
+    Raises:
+        OutputError: as of `require_new_folder`, or the system refuses to write.
+    """
+    require_new_folder(folder)
+    hidden = hidden_folder(folder)
+    try:
+        yield hidden
+        hidden.rename(os.path.abspath(folder))
+    except OSError as error:
+        raise OutputError(f"cannot write {folder}: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(hidden, ignore_errors=True)
 
 
 def hidden_name(path: Path) -> str:

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from egophys_core.errors import OutputError
-from egophys_core.files import FileKind, hidden_folder, require_writable, write_atomically, write_json
+from egophys_core.files import FileKind, hidden_folder, new_folder, require_writable, write_atomically, write_json
 
 
 def test_content_is_written_and_replaced(tmp_path):
@@ -56,6 +56,26 @@ def test_hidden_names_fit_where_the_final_ones_do(tmp_path):
     assert folder.parent == tmp_path
     longest.unlink()
     folder.rename(longest)
+
+
+def test_a_new_folder_is_there_whole_or_not_at_all(tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    with new_folder(out) as making:
+        (making / "it").write_text("one")
+        assert not list(out.iterdir())
+    assert (out / "it").read_text() == "one"
+
+    def fail(error):
+        with new_folder(tmp_path / "other") as making:
+            (making / "it").write_text("half")
+            raise error
+
+    with pytest.raises(OutputError, match="No space left"):
+        fail(OSError(28, "No space left on device"))
+    with pytest.raises(KeyboardInterrupt):
+        fail(KeyboardInterrupt())
+    assert [each.name for each in tmp_path.iterdir()] == ["out"]
 
 
 def test_missing_folder_is_an_oserror(tmp_path):

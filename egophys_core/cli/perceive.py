@@ -2,12 +2,9 @@
 
 import argparse
 import heapq
-import os
 import shutil
 import time
 from collections import deque
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +13,7 @@ from egophys_core.cli.board_arguments import add_board_arguments, board_from
 from egophys_core.cli.display import Report, print_json, print_remarks, print_table, progress_bar
 from egophys_core.cli.object_argument import add_object_argument, with_object
 from egophys_core.cli.option_arguments import add_option_arguments, options_from
-from egophys_core.files import hidden_folder, require_apart, require_new_folder, write_atomically, write_json
+from egophys_core.files import new_folder, require_apart, write_atomically, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.options import to_mapping
 from egophys_core.perception.options import PerceptionOptions
@@ -60,7 +57,7 @@ def run(parsed: argparse.Namespace) -> int:
     """Perceive and write."""
     options, board = with_object(options_from(parsed, PerceptionOptions), parsed.object), board_from(parsed)
     require_apart(parsed.out, [parsed.bag])
-    with _new_folder(parsed.out) as folder, progress_bar() as report:
+    with new_folder(parsed.out) as folder, progress_bar() as report:
         began = time.perf_counter()
         topics = {"image_topic": parsed.image_topic, "info_topic": parsed.info_topic}
         perceived = _perceive(parsed.bag, folder, options, board, topics, report)
@@ -143,24 +140,6 @@ def _merge(merged: Path, *logs: Path) -> None:
             log.write(record.topic, record.cdr, record.log_time_ns)
     for each in logs:
         shutil.rmtree(each)
-
-
-@contextmanager
-def _new_folder(out: Path) -> Iterator[Path]:
-    """A folder beside `out` that gets its name when the block ends, and is removed when it fails.
-
-    Raises:
-        OutputError: `out` is there and not an empty folder, or cannot be made.
-    """
-    out = Path(os.path.abspath(out))
-    require_new_folder(out)
-    part = hidden_folder(out)
-    try:
-        yield part
-        part.rename(out)
-    except BaseException:
-        shutil.rmtree(part, ignore_errors=True)
-        raise
 
 
 def _board_content(board: "Board") -> dict[str, Any]:

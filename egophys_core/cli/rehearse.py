@@ -2,8 +2,6 @@
 
 import argparse
 import json
-import os
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -12,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from egophys_core.cli.display import print_json, progress_bar
 from egophys_core.cli.seed_argument import seed
-from egophys_core.errors import OptionsError, OutputError
-from egophys_core.files import hidden_folder, require_place
+from egophys_core.errors import OptionsError
+from egophys_core.files import new_folder, require_new_folder
 from egophys_core.options import from_mapping, to_mapping
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
 
@@ -99,26 +97,18 @@ def run(parsed: argparse.Namespace) -> int:
         RehearsalOptions, {name: getattr(parsed, name) for name in ("object", "occlusion", *NUMBERS)}
     )
     effects = _effects(parsed)
-    _require_new(parsed.out)
+    require_new_folder(parsed.out)
     handlings = _handlings(parsed, options, effects)
     truth = _truth(parsed, options, effects, [{"folder": each.folder, **each.about} for each in handlings])
-    # All episodes or none: they are made in a hidden folder beside the final one, which is then renamed.
-    making = hidden_folder(parsed.out)
-    try:
-        with progress_bar() as report:
-            for number, each in enumerate(handlings):
-                episode = each.record(
-                    report=lambda share, each=each, number=number: report(
-                        "rehearse", (number + share) / len(handlings), each.about["motion"]
-                    )
+    with new_folder(parsed.out) as making, progress_bar() as report:
+        for number, each in enumerate(handlings):
+            episode = each.record(
+                report=lambda share, each=each, number=number: report(
+                    "rehearse", (number + share) / len(handlings), each.about["motion"]
                 )
-                write_episode(episode, making / each.folder)
+            )
+            write_episode(episode, making / each.folder)
         (making / "truth.json").write_text(json.dumps(truth, indent=1) + "\n")
-        os.rename(making, parsed.out)
-    except OSError as error:
-        raise OutputError(f"cannot write {parsed.out}: {error.strerror}") from error
-    finally:
-        shutil.rmtree(making, ignore_errors=True)
     if parsed.json:
         print_json({"folder": str(parsed.out), **truth})
     else:
@@ -183,12 +173,6 @@ def _effects(parsed: argparse.Namespace) -> dict[str, dict[str, float]]:
         except ValueError:
             raise OptionsError(f"--parameter {assignment}: {value!r} is no number") from None
     return complete_effects(effects)
-
-
-def _require_new(folder: Path) -> None:
-    require_place(folder)
-    if folder.exists():
-        raise OutputError(f"{folder}: exists already and is not overwritten; choose another name or move it away")
 
 
 def _truth(

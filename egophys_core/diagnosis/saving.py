@@ -1,16 +1,13 @@
 """What a diagnosis leaves on disk: the numbers, the improved twin and the report, in one folder."""
 
-import os
-import shutil
 from pathlib import Path
 
 from egophys_core.diagnosis.diagnose import Finding
 from egophys_core.diagnosis.diagnosis import save_diagnosis
 from egophys_core.effects import LIBRARY
-from egophys_core.errors import OutputError, TwinError
-from egophys_core.files import hidden_folder, require_new_folder, write_atomically
+from egophys_core.files import new_folder, write_atomically
 from egophys_core.reporting import EffectText, diagnosis_html
-from egophys_core.twin import save_twin
+from egophys_core.twin import encode_twin
 
 DIAGNOSIS_NAME, TWIN_NAME, REPORT_NAME = "diagnosis.json", "improved.twin", "report.html"
 
@@ -36,18 +33,10 @@ def save_finding(finding: Finding, folder: Path) -> dict[str, Path]:
     Raises:
         OutputError: `folder` is a file or not empty, or cannot be made.
     """
-    require_new_folder(folder)
-    final = Path(os.path.abspath(folder))
-    part = hidden_folder(final)
-    try:
+    with new_folder(folder) as part:
         save_diagnosis(finding.diagnosis, part / DIAGNOSIS_NAME)
-        save_twin(finding.twin, part / TWIN_NAME)
+        write_atomically(part / TWIN_NAME, encode_twin(finding.twin))
         write_atomically(part / REPORT_NAME, report(finding).encode())
-        part.rename(final)
-    except (OSError, TwinError) as error:
-        raise OutputError(f"cannot write {folder}: {error}") from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return {"diagnosis": folder / DIAGNOSIS_NAME, "twin": folder / TWIN_NAME, "report": folder / REPORT_NAME}
 
 

@@ -1,17 +1,14 @@
 """What a proposed experiment leaves on disk: plan files, a picture, and what it is expected to show, in one folder."""
 
-import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from egophys_core.errors import OutputError
 from egophys_core.experiments.choice import Proposal
 from egophys_core.experiments.hand_path import plan_of_path
 from egophys_core.experiments.prediction import predicted_episode
-from egophys_core.files import hidden_folder, require_new_folder, write_json
+from egophys_core.files import new_folder, write_json
 from egophys_core.json_numbers import nulled
 from egophys_core.plan_file import PlanFile, write_plan
 from egophys_core.reporting import draw_shapes
@@ -38,24 +35,14 @@ def save_experiment(proposals: Sequence[Proposal], twin: Twin, folder: Path, *, 
     Raises:
         OutputError: `folder` is a file or not empty, or cannot be made.
     """
-    require_new_folder(folder)
-    final = Path(os.path.abspath(folder))
-    part = hidden_folder(final)
     content = experiment_content(proposals, twin)
-    try:
+    with new_folder(folder) as part:
         for each, about in zip(proposals, content["motions"], strict=True):
             for path, name in zip(each.motion.paths, about["plans"], strict=True):
                 plan = plan_of_path(path, twin.twin_id)
                 write_plan(part / name, PlanFile(plan=plan, stamp_ns=stamp_ns, tolerance=float("nan")))
             _draw(part / about["picture"], each, twin)
         write_json(part / EXPERIMENT_NAME, nulled(content))
-        if final.is_dir():
-            final.rmdir()
-        part.rename(final)
-    except OSError as error:
-        raise OutputError(f"cannot write {folder}: {error.strerror}") from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return content
 
 

@@ -103,7 +103,8 @@ def test_plans_that_do_not_fit_together_are_refused(tmp_path):
 
 
 def test_what_is_there_is_not_overwritten(tmp_path):
-    with pytest.raises(OutputError, match="exists already"):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(OutputError, match="the folder is not empty"):
         run("--out", tmp_path)
     with pytest.raises(OutputError, match="create it first"):
         run("--out", tmp_path / "no" / "where")

@@ -47,7 +47,7 @@ def test_an_empty_folder_is_used(tmp_path):
     assert len(os.listdir(tmp_path / "found")) == 3
 
 
-@pytest.mark.parametrize("step", ["save_diagnosis", "save_twin", "report"])
+@pytest.mark.parametrize("step", ["save_diagnosis", "encode_twin", "report"])
 @pytest.mark.parametrize(("error", "seen"), [(OSError(28, "No space left"), OutputError), (KeyboardInterrupt,) * 2])
 def test_nothing_is_left_when_it_fails(tmp_path, monkeypatch, step, error, seen):
     def fail(*_: object) -> None:

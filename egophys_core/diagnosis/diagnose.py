@@ -3,7 +3,6 @@
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import compress
 from typing import TypeVar
 
 import numpy as np
@@ -17,23 +16,22 @@ from egophys_core.diagnosis.diagnosis import (
     NamedEffect,
     PredictionErrors,
 )
-from egophys_core.diagnosis.direct.measure import MeasuredEffect, measure, measured_limits
-from egophys_core.diagnosis.evidence.baseline_twin import baseline_beside, fit_baseline, follows
+from egophys_core.diagnosis.direct.measure import MeasuredEffect, measured_limits
 from egophys_core.diagnosis.evidence.free_rollouts import FreeErrors, episode_error
 from egophys_core.diagnosis.evidence.judging import RefittedEffect
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
 from egophys_core.diagnosis.evidence.predicting_twin import predicting_pair
 from egophys_core.diagnosis.evidence.refit import Fitted
-from egophys_core.diagnosis.evidence.residuals import acceleration, track_offsets
+from egophys_core.diagnosis.evidence.residuals import track_offsets
 from egophys_core.diagnosis.evidence.where import where
+from egophys_core.diagnosis.ground import Ground, prepare_ground
 from egophys_core.diagnosis.hypotheses.attained_gain import AttainedGains
 from egophys_core.diagnosis.hypotheses.detection_limits import detection_limits
 from egophys_core.diagnosis.hypotheses.ranking import RankedEffect
 from egophys_core.diagnosis.null_gains import NullGains, null_gains
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
-from egophys_core.diagnosis.thresholds import thresholds_for
 from egophys_core.diagnosis.tracked_episode import TrackedEpisode, observe
 from egophys_core.diagnosis.verdict.explain import explain
 from egophys_core.diagnosis.verdict.search_verdict import Search
@@ -48,9 +46,6 @@ from egophys_core.options import to_mapping
 from egophys_core.twin import ObjectModel, Provenance, Twin
 
 Item = TypeVar("Item")
-
-BASELINE_REFITS = 2
-"""Times as many steps for the twin without any effect: what it still gains later on would be taken for an effect's."""
 
 VALIDATION = 3
 """Of so many episodes one is not fitted: whether an effect shows there, too, says more than any fit."""
@@ -138,56 +133,39 @@ def _diagnose_observed(
     progress: Progress,
 ) -> Finding:
     """As `diagnose`, from episodes in which the twin has its place already."""
-    started = time.monotonic()
-    observations, validation = fitted_and_validation(observations)
-    noise = float(np.median([each.noise for each in observations]))
-    null = null_gains(asked)
-    thresholds = thresholds_for(noise, acceleration(observations), null)
+    started, null = time.monotonic(), null_gains(asked)
     for name in without:
         effect_named(name)
-    model = replace(twin.model, effects=())
-    progress("refit the twin as it is", 0.05)
-    baseline = fit_baseline(
-        observations, model, starts=options.baseline_starts, iterations=BASELINE_REFITS * options.refit_iterations
-    )
-    progress("measure what shows directly", 0.15)
-    measured = measure(
-        observations,
+    fitted, validation = fitted_and_validation(observations)
+    ground = prepare_ground(
+        twin.model,
+        fitted,
         validation,
-        lies_flat=kind_of(model).lies_flat,
+        options,
+        null=null,
         without=without,
-        resamples=options.bootstraps,
         seed=seed,
-        thresholds=thresholds,
+        progress=lambda stage, share: progress(stage, 0.05 + 0.15 * share),
     )
-    without_them = None
-    known = {each.name: each.values for each in measured if each.shows}
-    if known:
-        progress("refit the twin beside what was measured", 0.15)
-        baseline, without_them = baseline_beside(observations, baseline, known, iterations=options.refit_iterations)
-    followed = follows(baseline.fitted, validation)
-    problem = DiagnosisProblem(
-        observations=observations,
-        validation=list(compress(validation, followed)),
-        options=options,
-        seed=seed,
-        thresholds=thresholds,
+    found = explain(
+        ground.problem,
+        ground.baseline,
+        ground.measured,
+        without,
+        lambda stage, share: progress(stage, 0.2 + 0.7 * share),
     )
-    found = explain(problem, baseline, measured, without, lambda stage, share: progress(stage, 0.2 + 0.7 * share))
     first = found.searches[0]
     progress("roll out before and after", 0.9)
-    everywhere = [*observations, *validation, *report_on]
+    everywhere = [*observations, *report_on]
     # Refitted for as many steps as with the effects, from where these led as well.
-    bare = (without_them or first.before).model
-    given = len(everywhere) - len(report_on)
-    before, after, errors = predicting_pair(bare, found.fitted.model, everywhere, given=given)
-    offsets = [track_offsets(each, [before])[0][0] for each in observations]
+    bare = (ground.bare or first.before).model
+    before, after, errors = predicting_pair(bare, found.fitted.model, everywhere, given=len(observations))
+    offsets = [track_offsets(each, [before])[0][0] for each in fitted]
     error = tuple(
-        episode_error(each, *pair, fitted=index < len(observations))
+        episode_error(each, *pair, fitted=index < len(fitted))
         for index, (each, pair) in enumerate(zip(everywhere, errors, strict=True))
     )
-    by_measurement = measured_limits(observations, measured, lies_flat=kind_of(model).lies_flat, thresholds=thresholds)
-    improved = _new_version(twin, after, [each.episode for each in observations], options, seed)
+    improved = _new_version(twin, after, [each.episode for each in fitted], options, seed)
     diagnosis = Diagnosis(
         outcome=found.outcome,
         effects=tuple(
@@ -195,27 +173,28 @@ def _diagnose_observed(
             for each in found.named
         ),
         ambiguous=found.ambiguous,
-        candidates=_candidates(first, measured, null),
+        candidates=_candidates(first, ground.measured, null),
         decisions=found.decisions,
-        limits=(*_limits(problem, first, found.fitted), *by_measurement),
+        limits=_limits(ground, first, found.fitted),
         experiment=found.experiment,
         scale_m=first.before.scale,
-        where=where(observations, offsets, first.law.formula),
+        where=where(fitted, offsets, first.law.formula),
         error=error,
         seconds=time.monotonic() - started,
         reason=found.reason
-        + _lost(each.episode.name for each, kept in zip(validation, followed, strict=True) if not kept)
+        + _lost(each.episode.name for each in ground.lost)
         + (_changed(error) if found.named else "")
         + _beaten(error),
         twin_id=twin.twin_id,
         improved_twin_id=improved.twin_id,
     )
     progress("done", 1.0)
+    structure_gain = ground.problem.thresholds.structure_gain
     return Finding(
         diagnosis=diagnosis,
         twin=improved,
         before=before,
-        evidence=_evidence(everywhere, errors, observations[0], offsets[0], thresholds.structure_gain),
+        evidence=_evidence(everywhere, errors, fitted[0], offsets[0], structure_gain),
         searches=found.searches,
     )
 
@@ -303,13 +282,26 @@ def _beaten(errors: Sequence[PredictionErrors]) -> str:
     )
 
 
-def _limits(problem: DiagnosisProblem, first: Search, fitted: Fitted) -> tuple[DetectionLimit, ...]:
-    """What the fitted episodes could have shown beside all that was found; nothing of one, which can name nothing.
+def _limits(ground: Ground, first: Search, fitted: Fitted) -> tuple[DetectionLimit, ...]:
+    """What the fitted episodes could have shown beside all that was found.
 
     Args:
+        ground: what was measured.
         first: the search that probed the effects.
         fitted: how it ended; its first parameters are those of the baseline.
     """
+    problem = ground.problem
+    by_measurement = measured_limits(
+        problem.observations,
+        ground.measured,
+        lies_flat=kind_of(fitted.model).lies_flat,
+        thresholds=problem.thresholds,
+    )
+    return (*_searched_limits(problem, first, fitted), *by_measurement)
+
+
+def _searched_limits(problem: DiagnosisProblem, first: Search, fitted: Fitted) -> tuple[DetectionLimit, ...]:
+    """Those of effects that are searched for; none of one episode, which can name nothing."""
     count, own = len(problem.observations), len(first.before.parameters)
     if count < 2:
         return ()

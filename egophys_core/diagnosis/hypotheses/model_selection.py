@@ -67,56 +67,101 @@ def select_models(
         others: twins without an effect at which refits may start as well.
         far: by name, twins with an effect at which its refit may start as well.
     """
-    observations, scale, iterations = problem.observations, before.scale, problem.options.refit_iterations
-    needed = problem.thresholds.gain_alone(fitted=len(observations), validated=bool(problem.validation))
-    if before.model.effects:
-        needed = max(needed, problem.thresholds.second_gain)
-    without = linear_problem(before.residuals, before.jacobian, scale)
-    fits: dict[str, Fitted] = {}
-    gains: dict[str, float] = {}
-
-    def refit_with(name: str, starts: Sequence[ObjectModel]) -> None:
-        parameters = (*before.parameters, *effect_parameters(effect_named(name)))
-        hope = HOPE * max([needed, *gains.values()])
-        fits[name] = refit_from(
-            observations, starts, parameters, scale=scale, iterations=iterations, hopeless=before.loss - hope
-        )
-        gains[name] = gain_on_left_out_data(fits[name], before, without)
-
-    def leader() -> str:
-        return max(gains, key=lambda name: gains[name])
-
-    def own_starts(name: str) -> list[ObjectModel]:
-        if name in earlier:
-            return [earlier[name]]
-        return starts_beside(observations, before, effects[name], others, far.get(name, ()))
-
+    refits = _Refits(problem, before, effects, earlier=earlier, others=others, far=far)
     for index, name in enumerate(chosen):
         progress(f"refit with {name}", 0.5 * index / len(chosen))
-        refit_with(name, own_starts(name))
-    if gains and gains[best := leader()] >= NEARLY * needed:
-        for name in [each for each in reserve if each in effect_named(best).traits.confounders][:MOST_CONFOUNDERS]:
+        refits.refit(name)
+    if refits.gains and refits.gains[refits.best] >= NEARLY * refits.needed:
+        confounders = [each for each in reserve if each in effect_named(refits.best).traits.confounders]
+        for name in confounders[:MOST_CONFOUNDERS]:
             progress(f"refit with {name}", 0.5)
-            refit_with(name, own_starts(name))
-        had = set(earlier)
-        in_the_air = observations[0].free
-        while again := _again(best := leader(), gains, in_the_air) & effects.keys() - had:
+            refits.refit(name)
+        had, in_the_air = set(earlier), problem.observations[0].free
+        while again := _again(best := refits.best, refits.gains, in_the_air) & effects.keys() - had:
             had |= again
             for name in sorted(again):
                 progress(f"refit with {name} from where {best} led", 0.7)
-                ends = [fits[name].model] if name in fits else []
-                values = effect_values(ends[0], name) if ends else effects[name].values
-                starts = starts_from_rival(observations, effects[name], values, fits[best].model, scale)
-                refit_with(name, [*ends, *starts])
-    if fits:
+                refits.refit_from_where_led(name, best)
+    if refits.fits:
         progress("refit without an effect from where effects led", 0.9)
-        led = sorted(fits.values(), key=lambda each: each.loss)
-        starts = [replace(each.model, effects=each.model.effects[:-1]) for each in led]
-        relieved = refit_from(
-            observations, starts, before.parameters, scale=scale, iterations=iterations, finalists=RELIEVED
+        before = min(before, refits.relieved(), key=lambda each: each.loss)
+    return ModelSelection(before=before, fits=refits.fits)
+
+
+class _Refits:
+    """The effects that were refitted so far, by name."""
+
+    def __init__(
+        self,
+        problem: DiagnosisProblem,
+        before: Fitted,
+        effects: Mapping[str, RankedEffect],
+        *,
+        earlier: Mapping[str, ObjectModel],
+        others: Sequence[ObjectModel],
+        far: Mapping[str, Sequence[ObjectModel]],
+    ) -> None:
+        """None yet; arguments as of `select_models`."""
+        self._observations, self._iterations = problem.observations, problem.options.refit_iterations
+        self._before, self._effects = before, effects
+        self._earlier, self._others, self._far = earlier, others, far
+        self._without = linear_problem(before.residuals, before.jacobian, before.scale)
+        self.needed = problem.thresholds.gain_alone(
+            fitted=len(problem.observations), validated=bool(problem.validation)
         )
-        before = min(before, relieved, key=lambda each: each.loss)
-    return ModelSelection(before=before, fits=fits)
+        """Gain from which one may be named."""
+        if before.model.effects:
+            self.needed = max(self.needed, problem.thresholds.second_gain)
+        self.fits: dict[str, Fitted] = {}
+        self.gains: dict[str, float] = {}
+        """On left-out data."""
+
+    @property
+    def best(self) -> str:
+        """The one that gains most."""
+        return max(self.gains, key=lambda name: self.gains[name])
+
+    def refit(self, name: str) -> None:
+        """Refit an effect from starts of its own, or from where a coarser scale left it."""
+        if name in self._earlier:
+            starts = [self._earlier[name]]
+        else:
+            far = self._far.get(name, ())
+            starts = starts_beside(self._observations, self._before, self._effects[name], self._others, far)
+        self._refit(name, starts)
+
+    def refit_from_where_led(self, name: str, best: str) -> None:
+        """Refit an effect from the twin which the best one led to."""
+        effect, scale = self._effects[name], self._before.scale
+        ends = [self.fits[name].model] if name in self.fits else []
+        values = effect_values(ends[0], name) if ends else effect.values
+        starts = starts_from_rival(self._observations, effect, values, self.fits[best].model, scale)
+        self._refit(name, [*ends, *starts])
+
+    def relieved(self) -> Fitted:
+        """The twin without any effect, refitted from where effects led."""
+        led = sorted(self.fits.values(), key=lambda each: each.loss)
+        starts = [replace(each.model, effects=each.model.effects[:-1]) for each in led]
+        return refit_from(
+            self._observations,
+            starts,
+            self._before.parameters,
+            scale=self._before.scale,
+            iterations=self._iterations,
+            finalists=RELIEVED,
+        )
+
+    def _refit(self, name: str, starts: Sequence[ObjectModel]) -> None:
+        hope = HOPE * max([self.needed, *self.gains.values()])
+        self.fits[name] = refit_from(
+            self._observations,
+            starts,
+            (*self._before.parameters, *effect_parameters(effect_named(name))),
+            scale=self._before.scale,
+            iterations=self._iterations,
+            hopeless=self._before.loss - hope,
+        )
+        self.gains[name] = gain_on_left_out_data(self.fits[name], self._before, self._without)
 
 
 def _again(best: str, gains: Mapping[str, float], in_the_air: bool) -> set[str]:

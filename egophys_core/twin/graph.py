@@ -24,6 +24,11 @@ _DTYPES = {"f": "floating-point numbers", "iu": "integers", "b": "true or false"
 """What NumPy's letters of dtypes mean."""
 
 
+MOST_STRETCHED = 10.0
+"""Of the middle spring, its length where the object rests over its rest length, or the other way: by more only units
+differ."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SpringGraph:
     """Nodes at rest and the springs between them."""
@@ -86,6 +91,13 @@ class SpringGraph:
             raise TwinError(
                 f"spring graph: spring {spring} between nodes {self.springs[spring].tolist()} has rest length "
                 f"{self.rest_lengths[spring]:g} m; merge nodes that coincide"
+            )
+        apart = float(np.median(np.linalg.norm(np.diff(self.positions[self.springs], axis=1), axis=2)))
+        rest = float(np.median(self.rest_lengths))
+        if not apart / MOST_STRETCHED < rest < MOST_STRETCHED * apart:
+            raise TwinError(
+                f"spring graph: rest lengths are {rest:g} m, where nodes at rest are {apart:g} m apart; give both in "
+                "metres"
             )
 
 

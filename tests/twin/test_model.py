@@ -105,6 +105,7 @@ def small_graph() -> SpringGraph:
         ({"positions": np.full((3, 3), np.nan, np.float32)}, "node 0 is not finite"),
         ({"rest_lengths": np.array([1, 0], np.float32)}, r"spring 1 between nodes \[1, 2\] has rest length 0 m"),
         ({"rest_lengths": np.array([np.nan, 1], np.float32)}, "spring 0"),
+        ({"rest_lengths": np.array([1000, 1000], np.float32)}, "rest lengths are 1000 m, where nodes at rest are"),
     ],
 )
 def test_ill_formed_graphs_are_refused(change, text):

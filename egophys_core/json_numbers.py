@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from numbers import Real
 from typing import Any
 
 
@@ -15,8 +16,8 @@ def nulled(value: Any) -> Any:
 
 
 def finite_number(value: Any) -> float | None:
-    """A number of JSON as a float; None for what is none, or beyond all floats: JSON's numbers have any length."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    """A real number as a float; None for what is none, or beyond all floats: JSON's numbers have any length."""
+    if isinstance(value, bool) or not isinstance(value, Real):
         return None
     try:
         number = float(value)

@@ -9,6 +9,7 @@ import numpy as np
 
 from egophys_core.constants import GRAVITY
 from egophys_core.errors import TwinError
+from egophys_core.json_numbers import finite_number
 
 INTRINSIC_CURVATURE = ("intrinsic_curvature_level", "intrinsic_curvature_up")
 
@@ -87,7 +88,7 @@ class PhysicalParameters:
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
             value = getattr(self, field.name)
-            if not is_finite_number(value) or (value < 0 and field.name not in SIGNED):
+            if finite_number(value) is None or (value < 0 and field.name not in SIGNED):
                 raise TwinError(f"{field.name} must be finite and not negative, got {value!r}")
         if self.total_mass < LEAST_MASS:
             raise TwinError(f"total_mass must be at least {LEAST_MASS:g} kg, got {self.total_mass:g}")
@@ -99,11 +100,6 @@ class PhysicalParameters:
         for name in ("compression_ratio", "restitution", "ground_projection", "collision_restitution"):
             if getattr(self, name) > 1:
                 raise TwinError(f"{name} must be in 0..1, got {getattr(self, name)}")
-
-
-def is_finite_number(value: object) -> bool:
-    """Whether something from a file is a real number, neither infinite nor NaN."""
-    return isinstance(value, int | float | np.integer | np.floating) and bool(np.isfinite(value))
 
 
 LATER = ("added_mass", "far_roll")

@@ -12,6 +12,7 @@ import numpy as np
 from egophys_core.effects import TwinEffect, effect_named
 from egophys_core.errors import EgophysError, TwinError
 from egophys_core.files import FileKind, write_atomically
+from egophys_core.json_numbers import finite_number
 from egophys_core.twin.codebook import Codebook
 from egophys_core.twin.graph import SpringGraph
 from egophys_core.twin.model import ObjectModel
@@ -87,13 +88,14 @@ def decode_twin(content: bytes, *, name: str) -> Twin:
 
 def _effect(content: dict[str, Any]) -> TwinEffect:
     """An effect with exactly the parameters that the library knows."""
-    effect = TwinEffect(name=content["name"], values={key: float(each) for key, each in content["values"].items()})
-    known = {parameter.name for parameter in effect_named(effect.name).parameters}
-    if set(effect.values) != known:
-        raise ValueError(f"effect {effect.name} has parameters {sorted(effect.values)}, not {sorted(known)}")
-    if not np.isfinite(list(effect.values.values())).all():
-        raise ValueError(f"effect {effect.name} has parameters that are not finite, {effect.values}")
-    return effect
+    name, values = content["name"], {key: finite_number(each) for key, each in content["values"].items()}
+    known = {parameter.name for parameter in effect_named(name).parameters}
+    if set(values) != known:
+        raise ValueError(f"effect {name} has parameters {sorted(values)}, not {sorted(known)}")
+    finite = {key: each for key, each in values.items() if each is not None}
+    if len(finite) < len(values):
+        raise ValueError(f"effect {name} has parameters that are not finite numbers, {content['values']!r:.200}")
+    return TwinEffect(name=name, values=finite)
 
 
 def save_twin(twin: Twin, path: Path) -> None:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from egophys_core.errors import TwinError
+from egophys_core.json_numbers import finite_number
 from egophys_core.twin.graph import SpringGraph
 from egophys_core.twin.model import ObjectModel
-from egophys_core.twin.parameters import is_finite_number, with_former_names
+from egophys_core.twin.parameters import with_former_names
 
 CODEBOOK = "codebook."
 """Begins the names of a codebook's arrays."""
@@ -52,7 +53,7 @@ class Twin:
             raise TwinError(
                 f"twin grasp must be finite floating-point numbers in metres, got {self.grasp.tolist()[:1]}"
             )
-        if not is_finite_number(self.ground_height):
+        if finite_number(self.ground_height) is None:
             raise TwinError(f"ground_height must be a finite number in metres, got {self.ground_height!r}")
 
     @cached_property

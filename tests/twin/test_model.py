@@ -145,7 +145,7 @@ def test_stiffness_of_a_spring_must_be_positive_and_finite(value):
 
 
 @pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(PhysicalParameters)])
-@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf])
+@pytest.mark.parametrize("value", [-0.1, np.nan, np.inf, True, 10**400])
 def test_parameters_must_be_finite_and_not_negative(name, value):
     if value == -0.1 and name in SIGNED:
         assert getattr(parameters(**{name: value}), name) == value
@@ -180,7 +180,7 @@ def test_grasp_must_be_points():
             make_twin(grasp=grasp)
 
 
-@pytest.mark.parametrize("height", ["zero", None, [0], np.nan])
+@pytest.mark.parametrize("height", ["zero", None, [0], np.nan, True, 10**400])
 def test_the_height_of_the_table_must_be_a_number(height):
     with pytest.raises(TwinError, match="ground_height must be a finite number in metres, got"):
         make_twin(ground_height=height)

@@ -159,7 +159,14 @@ def test_missing_array_is_refused(name):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"parameters": [1]}, {"effects": [{"name": "quadratic_drag", "values": [1]}]}, {"ground_height": "zero"}],
+    [
+        {"parameters": [1]},
+        {"effects": [{"name": "quadratic_drag", "values": [1]}]},
+        {"effects": [{"name": "quadratic_drag", "values": {"coefficient": 10**400}}]},
+        {"effects": [{"name": "quadratic_drag", "values": {"coefficient": "5"}}]},
+        {"ground_height": "zero"},
+        {"ground_height": 10**400},
+    ],
 )
 def test_header_field_of_another_type_is_refused(changes):
     content = encode_twin(make_twin())

@@ -1,7 +1,13 @@
 """Geometry that several rooms need."""
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
+
+
+def spacing(points: np.ndarray) -> float:
+    """Metres: median distance of points [N, 3] to their fourth-nearest others: a grid's spacing, strewn or not."""
+    return float(np.median(cKDTree(points).query(points, k=min(5, len(points)))[0][:, -1]))
 
 
 def farthest_points(points: np.ndarray, count: int) -> np.ndarray:

@@ -35,7 +35,7 @@ EFFECT = Effect(
         confounders=("tracking_offset", "tracking_rotation", "uneven_mass"),
         experiment="turn the wrist by 90 degrees while holding: the offset turns along, one of the tracking "
         "frame does not; then turn the object half round and grasp it anew: added mass turns along, an offset does not",
-        needs=frozenset({Need.MOVING_GRIP}),
+        needs=frozenset({Need.MOVING_GRIP, Need.FINE_NODES}),
     ),
     starts=starts,
     drive=drive,

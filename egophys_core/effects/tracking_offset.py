@@ -27,7 +27,7 @@ EFFECT = Effect(
     traits=Traits(
         confounders=("gripper_offset", "tracking_rotation", "constant_body_force", "gravity_tilt", "uneven_mass"),
         experiment="touch three marks on the table with the gripper and compare them with where the camera sees them",
-        needs=frozenset({Need.MOVING_GRIP}),
+        needs=frozenset({Need.MOVING_GRIP, Need.FINE_NODES}),
     ),
     starts=starts,
     drive=drive,

@@ -18,6 +18,9 @@ class Need(StrEnum):
     """The object resists by springs that stretch; those of a rod hardly do."""
     THIN = "thin"
     """The object is thin, and moves air along its normal."""
+    FINE_NODES = "fine nodes"
+    """The twin's nodes are close together for its size: a grip of few nodes that are far apart turns elsewhere than the
+    hand."""
     MOVING_GRIP = "moving grip"
     """What holds the object moves: of a clamp that stands still it is how the clamp was mounted."""
 

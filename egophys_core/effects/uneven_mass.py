@@ -10,7 +10,7 @@ import numpy as np
 
 from egophys_core.effects.effect import Body, Effect, Parameter, Surroundings, Values
 from egophys_core.effects.places import weights_around
-from egophys_core.effects.traits import Traits
+from egophys_core.effects.traits import Need, Traits
 
 EXTENT_SHARES = np.array([0.3, 0.6])
 """Of the distance from the middle to an end, where added mass is looked for. From the middle and from 0.6 alone refits
@@ -89,6 +89,7 @@ EFFECT = Effect(
         ),
         experiment="let it hang still from one end, then from the other: the added mass stretches what is above it; "
         "turned half round before it is grasped it carries the mass along, while an offset of hands stays",
+        needs=frozenset({Need.FINE_NODES}),
         common_in=frozenset({"solid"}),
         is_implausible=lies_beside,
     ),

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from egophys_core.errors import EpisodeError, OptionsError
-from egophys_core.geometry import farthest_points
+from egophys_core.geometry import farthest_points, spacing
 from egophys_core.kinds import KINDS, Kind, kind_named
 from egophys_core.kinds.kind import FromSurface, RestShape
 
@@ -32,15 +32,14 @@ def rest_shape(points: np.ndarray, *, name: str, ground: float, max_nodes: int, 
         )
     points = points[farthest_points(points, max_nodes)]
     points = points[_distinct(points)]
-    neighbours = min(5, len(points))
-    spacing = float(np.median(cKDTree(points).query(points, k=neighbours)[0][:, -1]))
+    apart = spacing(points)
     taken = kind_named(kind) if kind else recognised(points)
-    inside = surface_model(taken).inside(points, spacing, ground)
+    inside = surface_model(taken).inside(points, apart, ground)
     return RestShape(
         positions=np.concatenate([points, inside]).astype(np.float32),
         surface=np.arange(len(points) + len(inside)) < len(points),
         kind=taken.name,
-        spacing=spacing,
+        spacing=apart,
     )
 
 

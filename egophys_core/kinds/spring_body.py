@@ -6,9 +6,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from egophys_core.effects.effect import Parameter
+from egophys_core.geometry import spacing
 from egophys_core.kinds.kind import FittedParameter, RestShape, Searched
 from egophys_core.twin import (
     ObjectModel,
@@ -183,8 +183,8 @@ def spring_variants(model: ObjectModel, sizes: VariantSizes) -> list[list[Object
     """The object with graphs and grasps of other sizes, and for each of these some plain parameters."""
     graph, parameters = model.graph, model.parameters
     surface = graph.positions[graph.surface].astype(np.float64)
-    spacing = float(np.median(cKDTree(surface).query(surface, k=min(5, len(surface)))[0][:, -1]))
-    shape = RestShape(positions=graph.positions, surface=graph.surface, kind=model.kind, spacing=spacing)
+    apart = spacing(surface)
+    shape = RestShape(positions=graph.positions, surface=graph.surface, kind=model.kind, spacing=apart)
     node_mass = parameters.total_mass / len(graph.positions)
 
     def variant(other: SpringGraph, radius: float, grasp: float, softer: float, bending: float) -> ObjectModel:
@@ -201,9 +201,9 @@ def spring_variants(model: ObjectModel, sizes: VariantSizes) -> list[list[Object
             restitution=0.0,
             friction=0.5,
             controller_stiffness=stiffness,
-            controller_radius=grasp * spacing,
+            controller_radius=grasp * apart,
             controller_neighbours=GRASP_NEIGHBOURS,
-            collision_distance=0.6 * spacing if sizes.collides else 0.0,
+            collision_distance=0.6 * apart if sizes.collides else 0.0,
         )
         return replace(
             model, graph=other, parameters=plain, stiffness=per_kind(other, plain.stiffness, plain.bending_ratio)
@@ -211,7 +211,7 @@ def spring_variants(model: ObjectModel, sizes: VariantSizes) -> list[list[Object
 
     found = []
     for radius in sizes.object_radii:
-        other = spring_graph(shape, radius=radius * spacing, max_neighbours=NEIGHBOURS, bends=sizes.bends)
+        other = spring_graph(shape, radius=radius * apart, max_neighbours=NEIGHBOURS, bends=sizes.bends)
         found += [
             [
                 variant(other, radius, grasp, softer, bending)

@@ -3,6 +3,8 @@
 import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from egophys_core.geometry import spacing
+
 LONGEST_EDGE = 2.5
 """Times the spacing of the nodes: longer edges bridge gaps."""
 
@@ -53,7 +55,7 @@ def faces_of_body(positions: np.ndarray) -> np.ndarray:
     if len(positions) < FEWEST:
         return np.zeros((0, 3), np.int32)
     # On a grid many tetrahedra have no volume, and no side that is outside.
-    shaken = positions + OFF_GRID * _spacing(positions) * np.random.default_rng(0).uniform(-1.0, 1.0, positions.shape)
+    shaken = positions + OFF_GRID * spacing(positions) * np.random.default_rng(0).uniform(-1.0, 1.0, positions.shape)
     solids = Delaunay(shaken).simplices
     solids = solids[_near(positions, solids)]
     edges = shaken[solids[:, 1:]] - shaken[solids[:, :1]]
@@ -68,9 +70,4 @@ def _near(positions: np.ndarray, simplices: np.ndarray) -> np.ndarray:
     """[S] bool: simplices [S, D] that have no long edge."""
     corners = positions[simplices]
     longest = np.linalg.norm(corners[:, :, None] - corners[:, None], axis=3).max(axis=(1, 2))
-    return np.asarray(longest <= LONGEST_EDGE * _spacing(positions))
-
-
-def _spacing(positions: np.ndarray) -> float:
-    """Metres: median distance of nodes [N, 3] to their fourth-nearest others."""
-    return float(np.median(cKDTree(positions).query(positions, k=min(5, len(positions)))[0][:, -1]))
+    return np.asarray(longest <= LONGEST_EDGE * spacing(positions))

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from egophys_core.constants import LARGEST_OBJECT_M, SMALLEST_OBJECT_M
 from egophys_core.episode import Episode, EpisodeWarning
 from egophys_core.errors import EpisodeError
-from egophys_core.geometry import farthest_points
+from egophys_core.geometry import farthest_points, spacing
 from egophys_core.observation.delay import LARGEST_DELAY_S
 
 GAP, LEAST_GAP_M, SMALL_PIECE = 4.0, 0.06, 0.1
@@ -76,8 +76,8 @@ def require_one_object(name: str, at_rest: np.ndarray) -> None:
     points = at_rest[farthest_points(at_rest, MOST_IN_PIECES)]
     if len(points) < FEWEST_IN_PIECES:
         return
-    spacing = float(np.median(cKDTree(points).query(points, k=5)[0][:, -1]))
-    gap = max(GAP * spacing, LEAST_GAP_M)
+    neighbours = spacing(points)
+    gap = max(GAP * neighbours, LEAST_GAP_M)
     pairs = cKDTree(points).query_pairs(gap, output_type="ndarray")
     links = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     pieces, which = connected_components(links, directed=False)
@@ -87,8 +87,8 @@ def require_one_object(name: str, at_rest: np.ndarray) -> None:
         apart = cKDTree(points[which == first]).query(points[which == second])[0].min()
         raise EpisodeError(
             f"{name}: the points at rest are of {np.count_nonzero(shares > SMALL_PIECE)} pieces, {100 * apart:.0f} cm "
-            f"apart, where their neighbours are {100 * spacing:.0f} cm from each other; a twin is of one object: leave "
-            "out the points of the others"
+            f"apart, where their neighbours are {100 * neighbours:.0f} cm from each other; a twin is of one object: "
+            "leave out the points of the others"
         )
 
 

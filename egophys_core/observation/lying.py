@@ -4,6 +4,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
+from egophys_core.geometry import spacing
 from egophys_core.kinds import kind_of
 from egophys_core.observation.registration import placed
 from egophys_core.twin import Twin
@@ -37,9 +38,7 @@ def lying_nodes(twin: Twin, points: np.ndarray) -> np.ndarray | None:
 
 def _covered(points: np.ndarray, by: np.ndarray) -> float:
     """Share of points [P, 3] no farther from others [Q, 3] than these lie apart at random."""
-    tree = cKDTree(by)
-    apart = BETWEEN * float(np.median(tree.query(by, k=5)[0][:, -1]))
-    return float((tree.query(points)[0] <= apart).mean())
+    return float((cKDTree(by).query(points)[0] <= BETWEEN * spacing(by)).mean())
 
 
 def _pose(surface: np.ndarray, points: np.ndarray) -> np.ndarray:

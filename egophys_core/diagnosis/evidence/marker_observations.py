@@ -4,18 +4,13 @@ A clamped beam or a cable is not chaotic: what its twin lacks shows best in a fr
 the markers hides. Markers are measured to hundredths of a millimetre at 100 Hz, so a block need not outlast noise.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from egophys_core.diagnosis.evidence.residuals import FEWEST_IN_BLOCK
 from egophys_core.diagnosis.observed_tracks import ObservedTracks, smoothed
 from egophys_core.diagnosis.tracked_episode import BLOCK_S, FREE, TrackedEpisode, block_numbers
-from egophys_core.effects import LIBRARY
-from egophys_core.effects.traits import Need
 from egophys_core.errors import DiscrepancyError
-from egophys_core.kinds import Kind
 from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, place_model
 from egophys_core.observation.clamps import stands_still
 from egophys_core.twin import Twin
@@ -62,20 +57,6 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Tr
         mounted=mounted,
         record=observed.record,
     )
-
-
-def unidentifiable_effects(kind: Kind, observations: Sequence[TrackedEpisode]) -> tuple[str, ...]:
-    """Effects that episodes of an object of a kind cannot tell, to be left out of a diagnosis.
-
-    Records of markers, and of what hangs, do not tell what a table does. What a clamp that stands still does to held
-    points is how it was mounted.
-    """
-    absent = set(kind.cannot_tell)
-    if all(each.free or each.hangs for each in observations):
-        absent.add(Need.TABLE)
-    if all(each.mounted for each in observations):
-        absent.add(Need.MOVING_GRIP)
-    return tuple(effect.name for effect in LIBRARY.values() if effect.traits.needs & absent)
 
 
 def _tracks(problem: FitProblem) -> ObservedTracks:

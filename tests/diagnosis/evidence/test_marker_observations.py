@@ -7,13 +7,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from egophys_core.diagnosis.evidence.fitted_parameters import with_effect
-from egophys_core.diagnosis.evidence.marker_observations import observe_markers, unidentifiable_effects
+from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.evidence.refit import median_size
 from egophys_core.diagnosis.evidence.residuals import block_means, residuals, track_offsets
 from egophys_core.diagnosis.hypotheses.ranking import probe_effects
+from egophys_core.diagnosis.unidentifiable import unidentifiable_effects
 from egophys_core.effects import LIBRARY
 from egophys_core.episode import Episode
-from egophys_core.kinds import kind_named, kind_of
 from egophys_core.kinds.kind import MarkerBody
 from egophys_core.kinds.template import parse_template
 from egophys_core.twin import ObjectModel
@@ -100,7 +100,7 @@ def test_slopes_of_effects_on_a_ring_down_are_those_near_none(
 def test_a_still_clamp_tells_nothing_of_the_hands(cantilever: tuple[MarkerBody, ObjectModel, Episode]) -> None:
     body, model, episode = cantilever
     observation = observe_markers(twin_of(body, model), episode)
-    unidentifiable = unidentifiable_effects(kind_of(model), [observation])
+    unidentifiable = unidentifiable_effects(model, [observation])
     assert "tracking_offset" in unidentifiable
     assert "viscoelasticity" not in unidentifiable
     assert observation.rate == 0.0
@@ -111,7 +111,9 @@ def test_a_rod_tells_nothing_of_springs_nor_a_record_of_markers_of_a_table(
 ) -> None:
     body, model, episode = cantilever
     moved = replace(observe_markers(twin_of(body, model), episode), mounted=False)
-    of_a_rod, of_a_lattice = (set(unidentifiable_effects(kind_named(name), [moved])) for name in ("rod", "lattice"))
+    of_a_rod, of_a_lattice = (
+        set(unidentifiable_effects(replace(model, kind=name), [moved])) for name in ("rod", "lattice")
+    )
     assert of_a_lattice == {"added_mass", "table_adhesion", "place_dependent_friction", "stribeck_friction"}
     assert of_a_rod < set(LIBRARY)
     assert "viscoelasticity" in of_a_rod

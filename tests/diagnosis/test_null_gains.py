@@ -12,7 +12,7 @@ from scipy.stats import kstest
 from egophys_core.diagnosis.null_gains import ASKED, RECORDED, NullGains, null_gains
 from egophys_core.diagnosis.thresholds import thresholds_for
 
-RESULTS = Path(__file__).resolve().parents[3] / "benchmarks/results"
+RESULTS = Path(__file__).resolve().parents[2] / "benchmarks/results"
 
 
 def test_recorded_sets_without_an_effect_have_any_p_alike():

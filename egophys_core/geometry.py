@@ -4,6 +4,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+THIN = 0.2
+"""Share of the longest extent below which an object is thin that way."""
+
+
+def thick_axes(extents: np.ndarray) -> np.ndarray:
+    """[3] bool: the axes along which an object, of these extents [3] or halves of them, is not thin."""
+    return extents > THIN * extents.max()
+
 
 def spacing(points: np.ndarray) -> float:
     """Metres: median distance of points [N, 3] to their fourth-nearest others: a grid's spacing, strewn or not."""

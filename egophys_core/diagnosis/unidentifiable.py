@@ -7,12 +7,9 @@ import numpy as np
 from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.traits import Need
-from egophys_core.geometry import spacing
+from egophys_core.geometry import spacing, thick_axes
 from egophys_core.kinds import kind_of
 from egophys_core.twin import ObjectModel
-
-THIN = 0.2
-"""Share of the longest extent below which an object is thin that way."""
 
 COARSE = 0.35
 """Spacing of the nodes over the least extent that is not thin, from which a twin is too coarse to tell where it is
@@ -42,4 +39,4 @@ def is_coarse(model: ObjectModel, observations: Sequence[TrackedEpisode]) -> boo
         return False
     surface = model.graph.positions[model.graph.surface]
     extents = np.ptp(surface, axis=0)
-    return spacing(surface) > COARSE * float(extents[extents > THIN * extents.max()].min())
+    return spacing(surface) > COARSE * float(extents[thick_axes(extents)].min())

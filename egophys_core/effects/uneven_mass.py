@@ -11,6 +11,7 @@ import numpy as np
 from egophys_core.effects.effect import Body, Effect, Parameter, Surroundings, Values
 from egophys_core.effects.places import weights_around
 from egophys_core.effects.traits import Need, Traits
+from egophys_core.geometry import thick_axes
 
 EXTENT_SHARES = np.array([0.3, 0.6])
 """Of the distance from the middle to an end, where added mass is looked for. From the middle and from 0.6 alone refits
@@ -19,9 +20,6 @@ did not reach 0.85 of a sheet's mass that hung at 0.4 (docs/notes/discrepancy.md
 RADIUS_SHARES = np.array([0.2, 0.4])
 """Of that distance, how wide it is where the search starts. What is wide and heavy passes for what is narrow and light:
 from 0.4 alone 2.4 of a sheet's mass was found for 0.85."""
-
-THIN = 0.2
-"""Share of the longest extent below which an object is thin, and the added mass's place across it not told."""
 
 
 def adapt(values: Values, body: Body) -> Body:
@@ -37,12 +35,7 @@ def lies_beside(values: Values, rest_positions: np.ndarray) -> bool:
     """Whether it lies where nothing of the object, [N, 3] metres, is; across a thin object its place is not told."""
     half = np.ptp(rest_positions, axis=0) / 2.0
     place = np.array([values["x"], values["y"], values["z"]])
-    return bool((abs(place) > half + values["radius"])[_thick(half)].any())
-
-
-def _thick(half: np.ndarray) -> np.ndarray:
-    """[3] bool: the axes along which the object, of these half extents, is not thin."""
-    return half > THIN * half.max()
+    return bool((abs(place) > half + values["radius"])[thick_axes(half)].any())
 
 
 def starts(surroundings: Surroundings) -> list[dict[str, float]]:
@@ -50,7 +43,7 @@ def starts(surroundings: Surroundings) -> list[dict[str, float]]:
     low, high = surroundings.rest_positions.min(axis=0), surroundings.rest_positions.max(axis=0)
     half = (high - low) / 2
     radii = np.clip(RADIUS_SHARES * half.max(), 0.005, 0.5)
-    thick = np.flatnonzero(_thick(half))
+    thick = np.flatnonzero(thick_axes(half))
     places = [
         np.zeros(3),
         *(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from egophys_core.cli.display import print_json, progress_bar
 from egophys_core.cli.seed_argument import seed
 from egophys_core.errors import OptionsError
-from egophys_core.files import new_folder, require_new_folder
+from egophys_core.files import new_folder
 from egophys_core.options import from_mapping, to_mapping
 from egophys_core.rehearsal.options import Motion, RehearsalObject, RehearsalOptions
 
@@ -97,7 +97,6 @@ def run(parsed: argparse.Namespace) -> int:
         RehearsalOptions, {name: getattr(parsed, name) for name in ("object", "occlusion", *NUMBERS)}
     )
     effects = _effects(parsed)
-    require_new_folder(parsed.out)
     handlings = _handlings(parsed, options, effects)
     truth = _truth(parsed, options, effects, [{"folder": each.folder, **each.about} for each in handlings])
     with new_folder(parsed.out) as making, progress_bar() as report:

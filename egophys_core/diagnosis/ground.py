@@ -60,7 +60,7 @@ def prepare_ground(
         seed: of surrogates and resamples.
         progress: called with stage and share done.
     """
-    noise = float(np.median([each.noise for each in fitted]))
+    noise = float(np.median([each.observed.noise for each in fitted]))
     thresholds = thresholds_for(noise, acceleration(fitted), null)
     plain = replace(model, effects=())
     progress("refit the twin as it is", 0.0)

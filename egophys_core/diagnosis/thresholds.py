@@ -11,7 +11,7 @@ from typing import Self
 from egophys_core.diagnosis.null_gains import RECORDED, NullGains
 
 NOISE_SHARE = 0.5
-"""Of what points near hands miss of a step of these (`TrackedEpisode.noise`), what is left in the mean of a block. It
+"""Of what points near hands miss of a step of these (`ObservedEpisode.noise`), what is left in the mean of a block. It
 is much, as all points of a frame that is stamped wrongly are off together."""
 
 ACCELERATION_SHARE = 0.08

@@ -7,7 +7,7 @@ import numpy as np
 from egophys_core.diagnosis.observed_tracks import ObservedTracks, observed_tracks
 from egophys_core.episode import Episode
 from egophys_core.geometry import farthest_points
-from egophys_core.observation import AnyEpisode, FitProblem, observe_episode, prepare
+from egophys_core.observation import AnyEpisode, FitProblem, ObservedEpisode, observe_episode, prepare
 from egophys_core.simulation import Controls
 from egophys_core.twin import ObjectModel
 
@@ -32,40 +32,30 @@ and its markers have hardly any noise."""
 class TrackedEpisode:
     """An episode prepared for observers of one twin: its tracks, in patches and blocks of time."""
 
+    observed: ObservedEpisode
     problem: FitProblem
-    contact: np.ndarray
-    """[T, C] uint8 `ContactKind` of each controller point of the episode."""
     tracks: ObservedTracks
-    touched: int
-    """First frame of contact, at which observers start: what is at rest stays so until it is touched, whatever its twin
-    would do."""
-    still: int = 1
-    """Frames before hands move the object, at least 1."""
-    falls: tuple[int, ...] = ()
-    """Frames from which on nobody holds it and it falls."""
     rest: np.ndarray
     """[P, 3] metres, the tracks before hands move the object."""
     patches: np.ndarray
     """[P] patch of each track."""
     blocks: np.ndarray
     """[T - touched] block of each frame from the first contact on."""
-    delay: float = 0.0
-    """Seconds by which its points are recorded later than its hands, as far as that was told before any diagnosis."""
-    noise: float = 0.0
-    """Metres: what points near hands miss of how these move."""
-    hangs: bool = False
-    """Whether it never comes near a table."""
     rate: float = RATE
     """w of its observers, 1/s; 0 for free rollouts."""
     mounted: bool = False
     """Whether a clamp holds it that stands still, and was set up anew for this record."""
-    record: Episode | None = None
-    """Of markers: the whole record, with what came before rollouts begin."""
 
     @property
     def episode(self) -> Episode:
         """What was observed."""
         return self.problem.episode
+
+    @property
+    def touched(self) -> int:
+        """First frame of contact, at which observers start: what is at rest stays so until it is touched, whatever its
+        twin would do."""
+        return self.observed.touched
 
     @property
     def free(self) -> bool:
@@ -75,12 +65,7 @@ class TrackedEpisode:
     @property
     def least_scale(self) -> float:
         """Metres, the least size of residuals that are evidence."""
-        return LEAST_SCALE_OF_MARKERS if self.at_markers else LEAST_SCALE
-
-    @property
-    def at_markers(self) -> bool:
-        """Whether it is seen at a few markers, and held in clamps."""
-        return self.record is not None
+        return LEAST_SCALE_OF_MARKERS if self.observed.is_sparse else LEAST_SCALE
 
     @property
     def block_count(self) -> int:
@@ -106,16 +91,10 @@ def observe(model: ObjectModel, episode: AnyEpisode) -> TrackedEpisode:
     centres = rest[farthest_points(rest, PATCHES)]
     times = observed.episode.times
     return TrackedEpisode(
+        observed=observed,
         problem=problem,
         tracks=tracks,
-        touched=touched,
-        still=observed.still,
-        falls=observed.falls,
         rest=rest,
-        delay=observed.delay,
-        noise=observed.noise,
-        hangs=observed.hangs,
-        contact=observed.contact,
         rate=FREE if observed.hangs else RATE,
         patches=np.linalg.norm(rest[:, None] - centres[None], axis=2).argmin(axis=1),
         blocks=block_numbers(times[touched:] - times[touched], BLOCK_S),

@@ -24,7 +24,7 @@ def unidentifiable_effects(model: ObjectModel, observations: Sequence[TrackedEpi
     points is how it was mounted. Where a twin of few nodes is held, these lie beside the hand.
     """
     absent = set(kind_of(model).cannot_tell)
-    if all(each.free or each.hangs for each in observations):
+    if all(each.free or each.observed.hangs for each in observations):
         absent.add(Need.TABLE)
     if all(each.mounted for each in observations):
         absent.add(Need.MOVING_GRIP)
@@ -35,7 +35,7 @@ def unidentifiable_effects(model: ObjectModel, observations: Sequence[TrackedEpi
 
 def is_coarse(model: ObjectModel, observations: Sequence[TrackedEpisode]) -> bool:
     """Whether the nodes are too far apart to tell where hands hold them; what is in clamps is held at places known."""
-    if any(each.at_markers for each in observations):
+    if any(each.observed.is_sparse for each in observations):
         return False
     surface = model.graph.positions[model.graph.surface]
     extents = np.ptp(surface, axis=0)

@@ -77,7 +77,7 @@ def falls_in(observation: TrackedEpisode, *, lies_flat: bool) -> list[Fall]:
     """
     return [
         fall
-        for first in observation.falls
+        for first in observation.observed.falls
         if (frames := _frames_of_fall(observation, first)) is not None
         and (halves := _halves_of_tracks(observation, frames, lies_flat=lies_flat)) is not None
         and (fall := _fall(halves)) is not None
@@ -104,13 +104,13 @@ def _frames_of_fall(observation: TrackedEpisode, let_go: int) -> np.ndarray | No
     """Frames in which something is seen, from when it was let go until it lands; None where they are too few."""
     times, positions = observation.episode.times, observation.tracks.positions
     # Contacts are in the time of the hands, which points may come after.
-    first = int(np.searchsorted(times, times[let_go] + observation.delay))
+    first = int(np.searchsorted(times, times[let_go] + observation.observed.delay))
     lowest = observation.episode.ground_height + CLEARANCE_M + float(np.ptp(observation.rest[:, 2]))
-    contact = observation.contact.any(axis=1)
+    contact = observation.observed.contact.any(axis=1)
     frames = []
     for frame in range(first, len(times)):
         seen = np.isfinite(positions[frame]).all(axis=1)
-        landed = not observation.hangs and seen.any() and positions[frame, seen, 2].min() < lowest
+        landed = not observation.observed.hangs and seen.any() and positions[frame, seen, 2].min() < lowest
         if landed or contact[frame] or times[frame] > times[first] + LONGEST_S:
             break
         if seen.any():

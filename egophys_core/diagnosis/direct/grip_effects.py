@@ -19,7 +19,7 @@ Grips = Sequence[GripRecord]
 
 def grip_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredEffect]:
     """What grips tell of the effects of some names, where two episodes have grips."""
-    if recordings.fitted[0].at_markers:
+    if recordings.fitted[0].observed.is_sparse:
         return []
     episodes = [grips for grips in map(grips_of, recordings.fitted) if grips]
     validation = [grip for each in recordings.validation for grip in grips_of(each)]

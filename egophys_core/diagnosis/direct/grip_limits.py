@@ -23,7 +23,7 @@ def grip_limits(
         known: values by effect and parameter of those that show.
         recordings: the episodes.
     """
-    if recordings.fitted[0].at_markers:
+    if recordings.fitted[0].observed.is_sparse:
         return []
     episodes = [grips for grips in map(grips_of, recordings.fitted) if grips]
     if len(episodes) < 2:

@@ -101,8 +101,8 @@ def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
                     levers=levers[held],
                     record_times=times,
                     centres=centres,
-                    delay=observation.delay,
-                    noise=observation.noise,
+                    delay=observation.observed.delay,
+                    noise=observation.observed.noise,
                     turned=turns(np.concatenate([fingers[contact.first, None], fingers]))[1:],
                 )
             )

@@ -51,11 +51,11 @@ def plumb_line_effects(names: Sequence[str], recordings: Recordings) -> list[Mea
 def lean(observation: TrackedEpisode) -> np.ndarray | None:
     """[3] metres aside per metre down, horizontal and out of its plane, by which a sheet hangs; None where that does
     not show."""
-    rest, episode = observation.rest, observation.episode
-    is_still = episode.times[observation.still - 1] >= STILL_S
-    if not (observation.hangs and is_still) or len(rest) < FEWEST_TRACKS:
+    rest, episode, observed = observation.rest, observation.episode, observation.observed
+    is_still = episode.times[observed.still - 1] >= STILL_S
+    if not (observed.hangs and is_still) or len(rest) < FEWEST_TRACKS:
         return None
-    places = episode.controllers[observation.touched, observation.contact[observation.touched] == ContactKind.HOLD]
+    places = episode.controllers[observed.touched, observed.contact[observed.touched] == ContactKind.HOLD]
     apart = (places[:, None] - places[None]).astype(np.float64).reshape(-1, 3)
     along = apart[np.argmax(np.linalg.norm(apart[:, :2], axis=1))] * [1.0, 1.0, 0.0]
     if np.linalg.norm(along) < WIDE_M:

@@ -74,7 +74,7 @@ def _estimate(name: str, parameter: Parameter, fit: RingDownFit) -> Estimate:
 
 def _told_by_ring_downs(observations: Sequence[TrackedEpisode]) -> list[RingDown]:
     """The ring-downs of those records in which an object swings as an oscillator does."""
-    found = [ring_down_of(each.record) for each in observations if each.record is not None]
+    found = [ring_down_of(each.observed.record) for each in observations if each.observed.is_sparse]
     records = [each for each in found if each is not None]
     most = [OSCILLATES * np.ptp(each.places) for each in records]
     return [

@@ -84,7 +84,7 @@ def episode_error(
 ) -> PredictionErrors:
     """Means over all frames from first contact on, metres."""
     episode = observation.episode
-    follows = lagging_prediction(episode, observation.contact)
+    follows = lagging_prediction(episode, observation.observed.contact)
     without_physics = track_error_per_frame(follows, episode.points, np.arange(episode.points.shape[1]))
     return PredictionErrors(
         episode=episode.name,

@@ -46,16 +46,14 @@ def observe_markers(twin: Twin, episode: AnyEpisode, *, load: float = 0.0) -> Tr
     mounted = stands_still(problem.controls.positions)
     block = max(RING_DOWN_BLOCK_S if mounted else BLOCK_S, FEWEST_IN_BLOCK * float(np.median(np.diff(times))))
     return TrackedEpisode(
+        observed=observed,
         problem=problem,
-        contact=observed.contact,
         tracks=_tracks(problem),
-        touched=0,
         rest=problem.episode.points[0].astype(np.float64),
         patches=np.arange(count),
         blocks=block_numbers(times, block),
         rate=FREE,
         mounted=mounted,
-        record=observed.record,
     )
 
 

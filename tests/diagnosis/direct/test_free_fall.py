@@ -35,10 +35,7 @@ def tracked(episode: Episode) -> Any:
         rest=seen.at_rest,
         problem=SimpleNamespace(start=ball()),
         episode=seen.episode,
-        falls=seen.falls,
-        hangs=seen.hangs,
-        contact=seen.contact,
-        delay=seen.delay,
+        observed=seen,
         tracks=SimpleNamespace(positions=seen.episode.points[:, known]),
     )
 
@@ -84,10 +81,7 @@ def falling_sheet(
         rest=GRID,
         problem=SimpleNamespace(start=GRID),
         episode=SimpleNamespace(times=times, ground_height=0.0),
-        falls=(0,),
-        hangs=False,
-        contact=np.zeros((11, 1), np.uint8),
-        delay=0.0,
+        observed=SimpleNamespace(falls=(0,), hangs=False, contact=np.zeros((11, 1), np.uint8), delay=0.0),
         tracks=SimpleNamespace(positions=places),
     )
 
@@ -255,8 +249,7 @@ def test_two_falls_that_are_pulled_to_opposite_sides_show_nothing():
 def test_points_that_are_recorded_late_fall_late():
     episode = dropped(2.81, acceleration=(0.0, 0.0, -0.7 * G))
     late = replace(episode, points=episode.points[np.maximum(np.arange(episode.frames) - 4, 0)])
-    observed = tracked(late)
-    assert observed.delay == pytest.approx(4 / 30, abs=0.02)
+    assert observe_episode(late).delay == pytest.approx(4 / 30, abs=0.02)
     (gravity,) = shown(found(late))
     assert gravity.values["scale"] == pytest.approx(0.7, abs=0.05)
 

@@ -131,5 +131,4 @@ def test_a_record_begins_where_all_markers_are_seen(cantilever: tuple[MarkerBody
     assert np.isfinite(placed.episode.points).all()
     assert marker_body(late, parse_template(TEMPLATE)).grasp == pytest.approx(body.grasp)
     observation = observe_markers(twin_of(body, model), late)
-    assert observation.record is not None
-    assert observation.record.times[0] == 0.0
+    assert observation.observed.record.times[0] == 0.0

@@ -2,7 +2,7 @@
 
 import dataclasses
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -144,7 +144,7 @@ def _perceive(
     take(scene.finish())
     assert scene.rest is not None
     episode = assembly.episode(_episode_name(video, camera), ground_height=0.0)
-    report = _report(camera, scene, assembly, episode, seen)
+    report = _report_of_scene(camera, scene, assembly, episode, seen)
     return Perceived(episode=episode, start_ns=assembly.start_ns, report=report)
 
 
@@ -178,31 +178,15 @@ def _perceive_by_learned_stages(
         views, stages, name=_episode_name(video, camera), options=options, on_observation=take
     )
     tell("shape", 1.0)
-    track = camera.track
-    seconds = seen.seconds(camera.stamps_ns)
-    report = PerceptionReport(
-        frames=len(track.known),
-        posed=int(np.count_nonzero(track.known & ~track.inferred)),
-        pose_inferred=int(np.count_nonzero(track.inferred)),
-        scale_is_known=camera.scale_is_known,
+    report = _report(
+        camera,
+        episode,
+        seen,
         kind=str(kind),
         thickness_m=0.0,
-        tracked=episode.points.shape[1],
-        coverage=float(episode.visible.mean()),
-        hand_seen=seen.hand_seen,
         grip_frame=0,
+        still_s=options.still_s,
         notes=(*camera.notes, "learned stages: hand and object are taken to be in view from the first frame on"),
-        seconds=seconds,
-        remarks=judge(
-            seconds=seconds,
-            frames=len(track.known),
-            posed=int(np.count_nonzero(track.known)),
-            hand_seen=seen.hand_seen,
-            has_contact=len(episode.controller_ids) > 0,
-            still_s=options.still_s,
-            scale_is_known=camera.scale_is_known,
-            lens=camera.lens,
-        ),
     )
     return Perceived(episode=episode, start_ns=stamps_ns[0], report=report)
 
@@ -225,46 +209,77 @@ def _episode_name(video: Video, camera: CameraPath) -> str:
     return video.path.resolve().name + ("" if camera.scale_is_known else " (scale assumed)")
 
 
-def _report(
+def _report_of_scene(
     camera: CameraPath, scene: SceneObserver, assembly: EpisodeAssembly, episode: Episode, seen: SecondsSeen
 ) -> PerceptionReport:
     assert scene.rest is not None
-    rest, track = scene.rest, camera.track
-    posed, inferred = int(np.count_nonzero(track.known & ~track.inferred)), int(np.count_nonzero(track.inferred))
-    seconds, hand_seen = seen.seconds(camera.stamps_ns), seen.hand_seen
+    rest = scene.rest
     notes = [*camera.notes, *(note for note in (scene.warning, rest.note) if note)]
-    left_out = int(np.count_nonzero(track.known)) - episode.frames
+    left_out = int(np.count_nonzero(camera.track.known)) - episode.frames
     if left_out:
         notes.append(f"{left_out} black frame(s) left out")
-    if hand_seen == 0:
+    if seen.hand_seen == 0:
         notes.append("no hand was seen: the episode has no controllers, so no twin can be fitted to it")
     elif assembly.grip_frame < 0:
         notes.append("a hand was seen but the object never moved under it: the episode has no controllers")
     if rest.kind == ObjectKind.SOLID:
         notes.append("the hidden side was inferred from symmetry and moves along with the rest of the body")
-    return PerceptionReport(
-        frames=len(track.known),
-        posed=posed,
-        pose_inferred=inferred,
-        scale_is_known=camera.scale_is_known,
+    return _report(
+        camera,
+        episode,
+        seen,
         kind=str(rest.kind),
         thickness_m=rest.model.thickness,
+        grip_frame=assembly.grip_frame,
+        still_s=assembly.options.still_s,
+        notes=notes,
+        rest_px=rest.residual_px,
+        choice=scene.warning,
+    )
+
+
+def _report(
+    camera: CameraPath,
+    episode: Episode,
+    seen: SecondsSeen,
+    *,
+    kind: str,
+    thickness_m: float,
+    grip_frame: int,
+    still_s: float,
+    notes: Sequence[str],
+    rest_px: float | None = None,
+    choice: str = "",
+) -> PerceptionReport:
+    """The report, with remarks.
+
+    Args:
+        still_s: as of `judge`, like `rest_px` and `choice`.
+    """
+    track, seconds = camera.track, seen.seconds(camera.stamps_ns)
+    return PerceptionReport(
+        frames=len(track.known),
+        posed=int(np.count_nonzero(track.known & ~track.inferred)),
+        pose_inferred=int(np.count_nonzero(track.inferred)),
+        scale_is_known=camera.scale_is_known,
+        kind=kind,
+        thickness_m=thickness_m,
         tracked=episode.points.shape[1],
         coverage=float(episode.visible.mean()),
-        hand_seen=hand_seen,
-        grip_frame=assembly.grip_frame,
+        hand_seen=seen.hand_seen,
+        grip_frame=grip_frame,
         notes=tuple(notes),
         seconds=seconds,
         remarks=judge(
             seconds=seconds,
             frames=len(track.known),
-            posed=posed + inferred,
-            hand_seen=hand_seen,
+            posed=int(np.count_nonzero(track.known)),
+            hand_seen=seen.hand_seen,
             has_contact=len(episode.controller_ids) > 0,
-            still_s=assembly.options.still_s,
+            still_s=still_s,
             scale_is_known=camera.scale_is_known,
-            rest_px=rest.residual_px,
+            rest_px=rest_px,
             lens=camera.lens,
-            choice=scene.warning,
+            choice=choice,
         ),
     )

@@ -24,8 +24,14 @@ def test_recorded_sets_without_an_effect_have_any_p_alike():
 
 def test_sets_that_asked_have_any_p_alike():
     rows = json.loads((RESULTS / "asked.json").read_text())["calibrated_on"]
-    assert len(rows) >= 9
+    assert len(rows) >= 15
     assert kstest([ASKED.p(row["gain"]) for row in rows], "uniform").pvalue > 0.2
+
+
+def test_sets_on_which_nothing_was_calibrated_have_any_p_alike():
+    shares = json.loads((RESULTS / "asked.json").read_text())["p_null"]
+    assert len(shares) >= 25
+    assert kstest(shares, "uniform").pvalue > 0.2
 
 
 def test_more_is_asked_of_effects_after_motions_that_show_them():
@@ -41,7 +47,7 @@ def test_few_sets_that_lack_nothing_are_said_to_have_structure(asked):
 
 @pytest.mark.parametrize("share", [0.5, 0.05, 1.0 / 40.0])
 def test_a_gain_is_reached_by_the_share_it_was_asked_for(share):
-    null = NullGains(median=20.0, spread=0.5)
+    null = NullGains(mean=20.0)
     assert null.p(null.gain_of(share)) == pytest.approx(share)
 
 

@@ -33,7 +33,7 @@ from egophys_core.diagnosis.null_gains import NullGains, null_gains
 from egophys_core.diagnosis.options import DiagnosisOptions
 from egophys_core.diagnosis.problem import DiagnosisProblem, Progress
 from egophys_core.diagnosis.tracked_episode import TrackedEpisode, observe
-from egophys_core.diagnosis.unidentifiable import is_coarse, unidentifiable_effects
+from egophys_core.diagnosis.unidentifiable import unidentifiable_effects, why_not_looked_for
 from egophys_core.diagnosis.verdict.explain import explain
 from egophys_core.diagnosis.verdict.search_verdict import Search
 from egophys_core.effects import effect_named
@@ -53,12 +53,6 @@ VALIDATION = 3
 
 LEAST_MOTION_S = 1.0
 """Seconds of handling below which an episode says nothing."""
-
-
-TOO_COARSE = (
-    "; the twin has too few nodes to tell where it is held, so what is off there, and where it is heavier, was not "
-    "looked for: track more points and build it anew"
-)
 
 WHAT_TO_DO = "`egophys experiment TWIN --out DIR` says which motion shows most, to a person and to an arm"
 
@@ -189,7 +183,7 @@ def _diagnose_observed(
         seconds=time.monotonic() - started,
         reason=found.reason
         + _lost(each.episode.name for each in ground.lost)
-        + (TOO_COARSE if is_coarse(twin.model, fitted) else "")
+        + why_not_looked_for(twin.model, fitted)
         + (_changed(error) if found.named else "")
         + _beaten(error),
         twin_id=twin.twin_id,

@@ -33,6 +33,16 @@ def unidentifiable_effects(model: ObjectModel, observations: Sequence[TrackedEpi
     return tuple(effect.name for effect in LIBRARY.values() if effect.traits.needs & absent)
 
 
+def why_not_looked_for(model: ObjectModel, observations: Sequence[TrackedEpisode]) -> str:
+    """What to add to a reason where effects were left out that more points would tell."""
+    if not is_coarse(model, observations):
+        return ""
+    return (
+        "; the twin has too few nodes to tell where it is held, so what is off there, and where it is heavier, was not "
+        "looked for: track more points and build it anew"
+    )
+
+
 def is_coarse(model: ObjectModel, observations: Sequence[TrackedEpisode]) -> bool:
     """Whether the nodes are too far apart to tell where hands hold them; what is in clamps is held at places known."""
     if any(each.observed.is_sparse for each in observations):

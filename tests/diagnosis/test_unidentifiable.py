@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from egophys_core.diagnosis.unidentifiable import is_coarse
+from egophys_core.diagnosis.unidentifiable import is_coarse, why_not_looked_for
 from egophys_core.effects import LIBRARY
 from egophys_core.effects.traits import Need
 from egophys_core.kinds.rest_shape import rest_shape
@@ -23,7 +23,9 @@ def twin_of(size: tuple[float, float, float], count: int, seed: int = 0) -> Obje
 
 @pytest.mark.parametrize(("count", "coarse"), [(45, True), (160, False)])
 def test_a_box_of_few_nodes_does_not_tell_where_it_is_held(count, coarse):
-    assert is_coarse(twin_of((0.15, 0.12, 0.11), count), []) == coarse
+    box = twin_of((0.15, 0.12, 0.11), count)
+    assert is_coarse(box, []) == coarse
+    assert ("track more points" in why_not_looked_for(box, [])) == coarse
 
 
 def test_how_thin_a_sheet_is_does_not_count():

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from egophys_core.diagnosis.direct.pulls import pulls_of
 from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import effect_named
 from egophys_core.effects.effect_values import Values
@@ -48,6 +49,8 @@ class GripRecord:
     """[T, 3] metres, the hand by its record."""
     turned: np.ndarray
     """[T, 3, 3] how it is turned against when it takes hold, by its record."""
+    pulls: np.ndarray
+    """[F, 3] how the object pulls on the hands, over its weight."""
     delay: float = 0.0
     """Seconds by which the tracks are late, as far as that was told before."""
     noise: float = 0.0
@@ -77,7 +80,7 @@ class GripRecord:
 def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
     """The grips of an episode that last and have tracks near them."""
     tracks, times = observation.tracks.smooth, observation.episode.times
-    found = []
+    found, pulls = [], pulls_of(observation)
     for hand in observation.problem.hands:
         fingers = observation.episode.controllers[:, hand.controllers].astype(np.float64)
         centres = fingers.mean(axis=1)
@@ -101,6 +104,7 @@ def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
                     levers=levers[held],
                     record_times=times,
                     centres=centres,
+                    pulls=pulls[frames],
                     delay=observation.observed.delay,
                     noise=observation.observed.noise,
                     turned=turns(np.concatenate([fingers[contact.first, None], fingers]))[1:],
@@ -112,8 +116,7 @@ def grips_of(observation: TrackedEpisode) -> list[GripRecord]:
 def held_displacements(grip: GripRecord, effects: Mapping[str, Values]) -> np.ndarray:
     """[F, P, 3] metres: how far tracks that are held would have gone since the hand took hold.
 
-    The clocks and drives of the effects say where the hand truly was, and their slides what slides through it: as where
-    it hangs, since what pulls on a hand is not known here.
+    The clocks and drives of the effects say where the hand truly was, and their slides what slides through it.
 
     Args:
         effects: parameters by the name of the effect.
@@ -123,12 +126,13 @@ def held_displacements(grip: GripRecord, effects: Mapping[str, Values]) -> np.nd
     for effect, values in known:
         times = effect.clock(values, times) if effect.clock else times
     centres = grip.centres_at(times)
-    holds, hanging = np.ones((len(times), 1), bool), np.tile([0.0, 0.0, -1.0], (len(times) - 1, 1, 1))
+    holds = np.ones((len(times), 1), bool)
     slid = np.zeros((len(times), 3))
     for effect, values in known:
         centres = effect.drive(values, grip.times, centres[:, None], holds)[:, 0] if effect.drive else centres
         if effect.slide:
-            slid[1:] += effect.slide(values, grip.times[:-1], grip.times[1:], hanging)[:, 0].cumsum(axis=0)
+            steps = effect.slide(values, grip.times[:-1], grip.times[1:], grip.pulls[:-1, None])
+            slid[1:] += steps[:, 0].cumsum(axis=0)
     return np.asarray((centres - centres[0] + slid)[:, None] + grip.carried(times))
 
 

@@ -42,6 +42,7 @@ def grip(
         record_times=TIMES,
         centres=path(seed),
         turned=turned,
+        pulls=np.tile([0.0, 0.0, -1.0], (len(TIMES[HOLDS]), 1)),
     )
     tracks = levers + carried(record, delay) + scale * moved(record, delay)[:, None]
     tracks += (np.maximum(record.times - onset, 0.0)[:, None] * np.array(slip))[:, None]
@@ -67,6 +68,15 @@ def carried(record: GripRecord, delay: float) -> np.ndarray:
 def as_recorded(record: GripRecord) -> np.ndarray:
     """[F, P, 3] metres: what the tracks leave if the record of the hand is right."""
     return residual_of(record, held_displacements(record, {}))
+
+
+def test_what_slips_goes_where_it_is_pulled_and_stays_where_it_is_hardly_pulled():
+    record = grip()
+    aside = np.array([0.6, 0.0, 0.0])
+    halves = [0.02 * aside] * (len(record.times) // 2) + [aside] * (len(record.times) - len(record.times) // 2)
+    slip = {"grasp_slip": {"x": 0.0, "y": 0.0, "z": -0.012, "onset": 0.0}}
+    slid = held_displacements(replace(record, pulls=np.array(halves)), slip) - held_displacements(record, {})
+    assert slid[-1, 0] == pytest.approx([0.012 * record.seconds / 2, 0.0, 0.0], abs=1e-3)
 
 
 def three(**changes: object) -> list[GripRecord]:

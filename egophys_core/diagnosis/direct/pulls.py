@@ -1,0 +1,37 @@
+"""How an object pulls on the hands that hold it, as its tracks say: what slips through a hand goes where it is pulled.
+
+What is off the table pulls by its weight and inertia, what slides over the table by friction. Were all of it taken to
+pull straight down, an ellipsoid that slipped at 12 mm/s in a lift and in a pull over the table would seem to at 7.6.
+"""
+
+import numpy as np
+
+from egophys_core.constants import GRAVITY
+from egophys_core.diagnosis.tracked_episode import TrackedEpisode
+
+LIFTED = 0.02
+"""Metres over where a track was at rest, from which it is off the table."""
+
+FRICTION = 0.5
+"""Of what slides over the table, over its weight: a usual number, which only says what share each direction has."""
+
+SLIDES = 0.02
+"""m/s, from which all of that friction acts."""
+
+
+def pulls_of(observation: TrackedEpisode) -> np.ndarray:
+    """[T, 3] the pull on all hands together over the weight of the object, whose tracks have equal shares of it."""
+    tracks, times = observation.tracks, observation.episode.times
+    seen = np.isfinite(tracks.velocities).all(axis=2)
+    lifted = seen & (observation.observed.hangs | (tracks.smooth[..., 2] - observation.rest[:, 2] > LIFTED))
+    acceleration = np.gradient(_mean(tracks.velocities, seen), times, axis=0)
+    hangs = (lifted.sum(axis=1) / np.maximum(seen.sum(axis=1), 1))[:, None]
+    slides = _mean(tracks.velocities, seen & ~lifted) * [1.0, 1.0, 0.0]
+    rubs = slides / np.maximum(np.linalg.norm(slides, axis=1, keepdims=True), SLIDES)
+    return np.asarray(hangs * ([0.0, 0.0, -1.0] - acceleration / GRAVITY) - (1.0 - hangs) * FRICTION * rubs)
+
+
+def _mean(values: np.ndarray, which: np.ndarray) -> np.ndarray:
+    """[T, 3] of those [T, P] of the values [T, P, 3]; 0 where there are none."""
+    count = np.maximum(which.sum(axis=1), 1)[:, None]
+    return np.asarray(np.where(which[..., None], values, 0.0).sum(axis=1) / count)

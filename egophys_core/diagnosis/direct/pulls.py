@@ -9,7 +9,7 @@ import numpy as np
 from egophys_core.constants import GRAVITY
 from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 
-LIFTED = 0.02
+LIFTED = 0.005
 """Metres over where a track was at rest, from which it is off the table."""
 
 FRICTION = 0.5

@@ -15,7 +15,7 @@ COUNT = 30
 
 def test_no_plan_is_unsafe_on_the_wire():
     found = measure(COUNT, loopback_addresses()())
-    assert found["unsafe"] == []
+    assert [f"{each['name']}: {each['why']}" for each in found["unsafe"]] == []
     outcomes = found["outcomes"]
     assert sum(outcomes.values()) >= COUNT
     assert min(outcomes["executed"], outcomes["refused"]) > COUNT // 20

@@ -4,7 +4,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +19,7 @@ from egophys_core.robot.limits import MEASURED_SLACK, MotionLimits, check_plan
 from egophys_core.robot.measured_arm import MeasuredArm
 from egophys_core.robot.path import PlannedPath, StraightMove, poses_between
 from egophys_core.robot.stream_guard import StreamGuard
+from egophys_core.robot.tilt import steepest_between
 from egophys_core.waypoint_plan import WaypointPlan
 
 # Plans are streamed in servo mode instead of sent as one set_position per waypoint. A soft object swings and
@@ -126,9 +127,10 @@ class PlanExecutor:
         """
         check_plan(plan, self._limits, self._calibration.world_to_base)
         start = self.tool_pose()
-        self._check_start(start)
         path = PlannedPath(plan)
-        approach = StraightMove(start, path.pose_at(0.0), self._limits)
+        first = path.pose_at(0.0)
+        approach = StraightMove(start, first, self._limits)
+        self._check_approach(start, first, approach.turn)
         names = [f"waypoint {index} (t={time_s:.2f} s)" for index, time_s in enumerate(plan.times)]
         ways = [(f"on the way to {names[0]}", poses_between(approach.pose_at, 0.0, approach.duration, REACH_SPACING_M))]
         for name, (first, last) in zip(names[1:], pairwise(plan.times.tolist()), strict=True):
@@ -193,13 +195,18 @@ class PlanExecutor:
             recorder.sample()
         return recorder.executed(completed)
 
-    def _check_start(self, start: Transform) -> None:
-        """The box is convex: from a start inside it, the straight approach stays inside."""
+    def _check_approach(self, start: Transform, first: Transform, turn: np.ndarray) -> None:
+        """The box is convex: from a start inside it, the straight way stays inside; the tool may be tilted on it."""
         if reason := self._limits.why_not(start, self._calibration.world_to_base, slack=MEASURED_SLACK):
             raise RobotError(
                 f"the tool now stands where {reason}; move the arm to an allowed pose by hand or from the controller's "
                 "own interface first"
             )
+        tipped = steepest_between(start.rotation, turn)
+        if tipped is not None and (
+            reason := self._limits.why_not(replace(first, rotation=tipped), self._calibration.world_to_base)
+        ):
+            raise RobotError(f"on the way to waypoint 0: {reason}; turn the tool nearer to that waypoint's first")
 
     def _check_reach(self, ways: list[tuple[str, list[Transform]]]) -> None:
         """Whether the arm can follow all ways, one after the other, which are called by their names."""

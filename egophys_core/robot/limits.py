@@ -1,6 +1,6 @@
 """What the arm may be asked to do; a plan is judged as a whole before anything moves."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from egophys_core.errors import OptionsError, RobotError
 from egophys_core.options import from_mapping, number, validate
 from egophys_core.robot.frames import Transform
+from egophys_core.robot.tilt import steepest_between, tilt_of
 from egophys_core.robot.yaml_mapping import load_mapping, number_array
 from egophys_core.waypoint_plan import (
     RELATIVE_ROUNDING,
@@ -27,9 +28,6 @@ ALIKE = 0.8
 MEASURED_SLACK = 2e-3
 """Metres and radians that a measured pose may be beyond a limit: an arm that was sent to the very edge of its box
 stands a rounding error outside, and has to be able to leave."""
-
-TURN_STEP_RAD = 0.1
-"""Orientations between two waypoints are looked at in steps of at most this."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,9 +121,9 @@ class MotionLimits:
         height = float(tool.translation[2])
         if not height >= self.table_clearance_m - slack:
             return f"z = {height:.3f} m above the table is lower than {self.table_clearance_m:.3f} m"
-        tilt = float(np.arccos(np.clip(-tool.rotation[2, 2], -1.0, 1.0)))
+        tilt = tilt_of(tool.rotation)
         if not tilt <= self.max_tilt_rad + slack:
-            return f"the tool is tilted by {tilt:.2f} rad from straight down, at most {self.max_tilt_rad} rad may be"
+            return f"the tool is tilted by {tilt:.4f} rad from straight down, at most {self.max_tilt_rad} rad may be"
         return None
 
 
@@ -133,7 +131,7 @@ def check_plan(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transfor
     """Refuse a plan that must not be executed; nothing has moved when this raises.
 
     The space above the table inside the box is convex, so the straight line between two waypoints inside it is inside
-    it too; how the tool turns between them is looked at in steps.
+    it too; the tool may be tilted more between them than at both, and is judged where it is tilted most.
 
     Raises:
         RobotError: names the first bad waypoint, its value, the limit and what to do.
@@ -147,18 +145,21 @@ def check_plan(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transfor
 
 def _check_poses(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transform) -> None:
     rotations = Rotation.from_quat(plan.quaternions)
-    for index, position in enumerate(plan.positions):
-        before = max(index - 1, 0)
-        turn = (rotations[before].inv() * rotations[index]).as_rotvec()
-        steps = 1 + int(np.linalg.norm(turn) / TURN_STEP_RAD)
-        for share in np.arange(1, steps + 1) / steps:
-            rotation = rotations[before] * Rotation.from_rotvec(share * turn)
-            tool = Transform(rotation=rotation.as_matrix(), translation=position)
-            if reason := limits.why_not(tool, world_to_base):
-                where = waypoint_name(plan, index) if share == 1.0 else f"between waypoints {before} and {index}"
-                raise RobotError(
-                    f"{where}: {reason}; move the target, recalibrate, or widen the limits if the space is really free"
-                )
+    turns = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+    tools = [
+        (waypoint_name(plan, index), Transform(rotation=rotation, translation=position))
+        for index, (rotation, position) in enumerate(zip(rotations.as_matrix(), plan.positions, strict=True))
+    ]
+    between = [
+        (f"between waypoints {index} and {index + 1}", replace(tool, rotation=tipped))
+        for index, ((_, tool), turn) in enumerate(zip(tools, turns, strict=False))
+        if (tipped := steepest_between(tool.rotation, turn)) is not None
+    ]
+    for where, tool in (*tools, *between):
+        if reason := limits.why_not(tool, world_to_base):
+            raise RobotError(
+                f"{where}: {reason}; move the target, recalibrate, or widen the limits if the space is really free"
+            )
 
 
 def _check_motion(plan: WaypointPlan, limits: MotionLimits) -> None:

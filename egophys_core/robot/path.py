@@ -59,8 +59,9 @@ class StraightMove:
     def __init__(self, start: Transform, goal: Transform, limits: MotionLimits) -> None:
         self._start = start
         self._displacement = goal.translation - start.translation
-        self._turn = Rotation.from_matrix(start.rotation.T @ goal.rotation).as_rotvec()
-        length, angle = float(np.linalg.norm(self._displacement)), float(np.linalg.norm(self._turn))
+        self.turn = Rotation.from_matrix(start.rotation.T @ goal.rotation).as_rotvec()
+        """[3] rotation vector in the frame of the start."""
+        length, angle = float(np.linalg.norm(self._displacement)), float(np.linalg.norm(self.turn))
         self.duration = max(
             PEAK_SPEED * length / limits.max_speed_m_s,
             PEAK_SPEED * angle / limits.max_angular_speed_rad_s,
@@ -73,6 +74,6 @@ class StraightMove:
         tau = min(max(time / self.duration, 0.0), 1.0) if self.duration > 0 else 1.0
         share = minimum_jerk(tau)
         return Transform(
-            rotation=self._start.rotation @ Rotation.from_rotvec(share * self._turn).as_matrix(),
+            rotation=self._start.rotation @ Rotation.from_rotvec(share * self.turn).as_matrix(),
             translation=self._start.translation + share * self._displacement,
         )

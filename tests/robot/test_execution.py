@@ -1,12 +1,13 @@
 """Plans on an arm that is not the xArm6, where only sleep moves time on. A driver is all it needs."""
 
-import dataclasses
 import itertools
 from contextlib import nullcontext
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from egophys_core.errors import ArmFaultError, ArmLostError, RobotError
 from egophys_core.robot import ArmDriver, Calibration, Clock, MotionLimits, PlanExecutor, Transform, load_driver
@@ -146,7 +147,7 @@ def test_the_last_look_before_the_arm_knows_nothing_of_plans(place, reason):
 
 
 def test_an_arm_at_the_very_edge_of_its_box_can_leave_it(arm):
-    edge = dataclasses.replace(PLAN, positions=np.array([[0.1, 0.0, 0.1], [0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]))
+    edge = replace(PLAN, positions=np.array([[0.1, 0.0, 0.1], [0.2, 0.0, 0.1], [0.2, 0.0, 0.1]]))
     assert executor(arm).execute(edge).completed
     arm.tcp = Transform(rotation=arm.tcp.rotation, translation=arm.tcp.translation + [1e-4, 0.0, 0.0])
     assert executor(arm).execute(PLAN).completed
@@ -155,16 +156,28 @@ def test_an_arm_at_the_very_edge_of_its_box_can_leave_it(arm):
         executor(arm).execute(PLAN)
 
 
+def test_a_tool_that_would_tip_over_on_the_way_to_the_first_waypoint_stays_where_it_is(arm):
+    """Both ends are tilted by 0.9 rad; half-way it would be 1.32 rad."""
+    down = Rotation.from_quat(PLAN.quaternions[0])
+    first, last = (Rotation.from_euler("ZXZ", [angle, 0.9, angle]) * down for angle in (0.0, 1.8))
+    plans = [replace(PLAN, quaternions=np.tile(each.as_quat(), (3, 1))) for each in (first, last)]
+    assert executor(arm).execute(plans[0]).completed
+    streamed = len(arm.streamed)
+    with pytest.raises(RobotError, match=r"on the way to waypoint 0: the tool is tilted by 1.32\d\d rad"):
+        executor(arm).execute(plans[1])
+    assert len(arm.streamed) == streamed
+
+
 def test_what_is_beyond_reach_is_refused_between_waypoints_too(arm):
     limits = MotionLimits(workspace_min_m=(-1.0, -1.0, 0.0), workspace_max_m=(1.0, 1.0, 1.0), max_step_m=2.0)
-    through = dataclasses.replace(
+    through = replace(
         PLAN,
         times=np.array([0.0, 20.0, 40.0]),
         positions=np.array([[-0.45, -0.65, 0.1], [-0.45, 0.65, 0.1], [-0.45, 0.65, 0.2]]),
     )
     arm.tcp = Transform.from_rpy(np.array([0.0, -0.6, 0.3]), np.array([np.pi, 0.0, 0.0]))
     assert PlanExecutor(arm, calibration=CALIBRATION, limits=limits, clock=Time().clock()).execute(through).completed
-    far = dataclasses.replace(through, positions=through.positions + [0.8, 0.0, 0.0])
+    far = replace(through, positions=through.positions + [0.8, 0.0, 0.0])
     with pytest.raises(RobotError, match=r"waypoint 0 .*cannot reach"):
         PlanExecutor(arm, calibration=CALIBRATION, limits=limits, clock=Time().clock()).execute(far)
 

@@ -27,5 +27,6 @@ def mean_path(positions: np.ndarray) -> np.ndarray:
     for _ in range(ROUNDS):
         path = (places - seen[:, :, None] * beside).sum(axis=1) / frames
         beside = (places - seen[:, :, None] * path[:, None]).sum(axis=0) / points
-    path = path + beside[seen.any(axis=0)].mean(axis=0)
+    known = seen.any(axis=0)
+    path = path + beside[known].sum(axis=0) / max(known.sum(), 1)
     return np.asarray(np.where(seen.any(axis=1)[:, None], path, np.nan))

@@ -6,7 +6,7 @@ import numpy as np
 
 from egophys_core.diagnosis.diagnosis import Estimate
 from egophys_core.diagnosis.direct.grip_fit import GripFit, explained, fit_grips, gains, intervals, p_null
-from egophys_core.diagnosis.direct.grips import GripRecord, grips_of
+from egophys_core.diagnosis.direct.grips import GripRecord
 from egophys_core.diagnosis.direct.measured import MeasuredEffect, Recordings, measured
 from egophys_core.effects import effect_named
 
@@ -21,8 +21,7 @@ def grip_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredE
     """What grips tell of the effects of some names, where two episodes have grips."""
     if recordings.fitted[0].observed.is_sparse:
         return []
-    episodes = [grips for grips in map(grips_of, recordings.fitted) if grips]
-    validation = [grip for each in recordings.validation for grip in grips_of(each)]
+    episodes = recordings.fitted_grips
     if len(episodes) < 2:
         return []
     grips = [grip for each in episodes for grip in each]
@@ -30,7 +29,7 @@ def grip_effects(names: Sequence[str], recordings: Recordings) -> list[MeasuredE
     if np.sqrt(best.squares.max()) > max(HELD_M, *(grip.noise for grip in grips)):
         return []
     fits = {**dict.fromkeys(best.values, best), **others}
-    return [_measured(name, fit, episodes, validation, recordings) for name, fit in fits.items()]
+    return [_measured(name, fit, recordings) for name, fit in fits.items()]
 
 
 def _selected(grips: Grips, names: Sequence[str], least_gain: float) -> tuple[GripFit, dict[str, GripFit]]:
@@ -45,10 +44,9 @@ def _selected(grips: Grips, names: Sequence[str], least_gain: float) -> tuple[Gr
     return best, {}
 
 
-def _measured(
-    name: str, fit: GripFit, episodes: Sequence[Grips], validation: Grips, recordings: Recordings
-) -> MeasuredEffect:
+def _measured(name: str, fit: GripFit, recordings: Recordings) -> MeasuredEffect:
     """One of the effects that grips were fitted with, held against the same fit without it."""
+    episodes, validation = recordings.fitted_grips, recordings.validation_grips
     grips = [grip for each in episodes for grip in each]
     names = tuple(fit.values)
     rest = tuple(each for each in names if each != name)

@@ -7,7 +7,7 @@ import numpy as np
 
 from egophys_core.diagnosis.diagnosis import DetectionLimit
 from egophys_core.diagnosis.direct.grip_fit import explained, gains
-from egophys_core.diagnosis.direct.grips import GripRecord, grips_of, held_displacements
+from egophys_core.diagnosis.direct.grips import GripRecord, held_displacements
 from egophys_core.diagnosis.direct.measured import Recordings
 from egophys_core.diagnosis.direct.size_limits import size_limits
 from egophys_core.effects import Effect
@@ -25,7 +25,7 @@ def grip_limits(
     """
     if recordings.fitted[0].observed.is_sparse:
         return []
-    episodes = [grips for grips in map(grips_of, recordings.fitted) if grips]
+    episodes = recordings.fitted_grips
     if len(episodes) < 2:
         return []
     grips = [grip for each in episodes for grip in each]

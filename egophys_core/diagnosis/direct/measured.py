@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from egophys_core.diagnosis.criterion import CriterionResult, Direction, compare, not_asked
 from egophys_core.diagnosis.diagnosis import Estimate
+from egophys_core.diagnosis.direct.grips import GripRecord, grips_of
 from egophys_core.diagnosis.thresholds import Thresholds
 from egophys_core.diagnosis.tracked_episode import TrackedEpisode
 from egophys_core.effects import effect_named
@@ -24,6 +26,16 @@ class Recordings:
     seed: int
     """Of resamples and surrogates."""
     thresholds: Thresholds
+
+    @cached_property
+    def fitted_grips(self) -> list[list[GripRecord]]:
+        """Of each fitted episode that has grips, those."""
+        return [grips for grips in map(grips_of, self.fitted) if grips]
+
+    @cached_property
+    def validation_grips(self) -> list[GripRecord]:
+        """Of all validation episodes."""
+        return [grip for each in self.validation for grip in grips_of(each)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from egophys_core.constants import GRAVITY
 from egophys_core.diagnosis.tracked_episode import TrackedEpisode
+from egophys_core.observation.mean_path import mean_path
 
 LIFTED = 0.005
 """Metres over where a track was at rest, from which it is off the table."""
@@ -21,17 +22,16 @@ SLIDES = 0.02
 
 def pulls_of(observation: TrackedEpisode) -> np.ndarray:
     """[T, 3] the pull on all hands together over the weight of the object, whose tracks have equal shares of it."""
-    tracks, times = observation.tracks, observation.episode.times
-    seen = np.isfinite(tracks.velocities).all(axis=2)
-    lifted = seen & (observation.observed.hangs | (tracks.smooth[..., 2] - observation.rest[:, 2] > LIFTED))
-    acceleration = np.gradient(_mean(tracks.velocities, seen), times, axis=0)
+    tracks, times = observation.tracks.smooth, observation.episode.times
+    seen = np.isfinite(tracks).all(axis=2)
+    lifted = seen & (observation.observed.hangs | (tracks[..., 2] - observation.rest[:, 2] > LIFTED))
+    acceleration = np.nan_to_num(np.gradient(_velocity(tracks, times), times, axis=0))
     hangs = (lifted.sum(axis=1) / np.maximum(seen.sum(axis=1), 1))[:, None]
-    slides = _mean(tracks.velocities, seen & ~lifted) * [1.0, 1.0, 0.0]
+    slides = np.nan_to_num(_velocity(np.where(lifted[..., None], np.nan, tracks), times)) * [1.0, 1.0, 0.0]
     rubs = slides / np.maximum(np.linalg.norm(slides, axis=1, keepdims=True), SLIDES)
     return np.asarray(hangs * ([0.0, 0.0, -1.0] - acceleration / GRAVITY) - (1.0 - hangs) * FRICTION * rubs)
 
 
-def _mean(values: np.ndarray, which: np.ndarray) -> np.ndarray:
-    """[T, 3] of those [T, P] of the values [T, P, 3]; 0 where there are none."""
-    count = np.maximum(which.sum(axis=1), 1)[:, None]
-    return np.asarray(np.where(which[..., None], values, 0.0).sum(axis=1) / count)
+def _velocity(tracks: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """[T, 3] m/s of the tracks [T, P, 3] on the whole; NaN beside frames without any."""
+    return np.asarray(np.gradient(mean_path(tracks), times, axis=0))

@@ -3,7 +3,6 @@
 import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -81,7 +80,6 @@ def diagnose(
     loads: Mapping[str, float] | None = None,
     report_on: Sequence[AnyEpisode] = (),
     without: Collection[str] = (),
-    named_before: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
     seed: int = 0,
     progress: Progress = lambda stage, share: None,
 ) -> Finding:
@@ -95,8 +93,6 @@ def diagnose(
         loads: N that hang at the free end of an object that is seen at a few markers, by name of the episode.
         report_on: further episodes of the object, which have no part in what is found: errors are reported on them.
         without: effects of the library to leave out.
-        named_before: by effect and parameter what a diagnosis of fewer of these episodes named by a search: it is asked
-            again, and refits with it start there, too.
         seed: of surrogates and resamples.
         progress: called with stage and share done.
 
@@ -120,7 +116,6 @@ def diagnose(
         asked=asked,
         report_on=others,
         without=(*without, *unidentifiable_effects(twin.model, fitted)),
-        named_before=named_before,
         seed=seed,
         progress=progress,
     )
@@ -134,7 +129,6 @@ def _diagnose_observed(
     asked: int,
     report_on: Sequence[TrackedEpisode],
     without: Collection[str],
-    named_before: Mapping[str, Mapping[str, float]],
     seed: int,
     progress: Progress,
 ) -> Finding:
@@ -150,7 +144,6 @@ def _diagnose_observed(
         options,
         null=null,
         without=without,
-        named_before=named_before,
         seed=seed,
         progress=lambda stage, share: progress(stage, 0.05 + 0.15 * share),
     )

@@ -1,6 +1,6 @@
 """What searches stand on: the twin refitted without any effect, and what recordings show without one."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
@@ -45,7 +45,6 @@ def prepare_ground(
     *,
     null: NullGains,
     without: Collection[str],
-    named_before: Mapping[str, Mapping[str, float]],
     seed: int,
     progress: Progress,
 ) -> Ground:
@@ -58,7 +57,6 @@ def prepare_ground(
         options: of the diagnosis.
         null: what the best effect gains in such recordings where nothing is lacking.
         without: names of effects that are left out.
-        named_before: as of `DiagnosisProblem`.
         seed: of surrogates and resamples.
         progress: called with stage and share done.
     """
@@ -90,7 +88,6 @@ def prepare_ground(
         options=options,
         seed=seed,
         thresholds=thresholds,
-        named_before=named_before,
     )
     lost = [each for each, kept in zip(validation, followed, strict=True) if not kept]
     return Ground(problem=problem, lost=lost, baseline=baseline, bare=bare, measured=measured)

@@ -1,6 +1,6 @@
 """A diagnosis problem: what stays the same over the searches of a diagnosis."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 from egophys_core.diagnosis.options import DiagnosisOptions
@@ -22,5 +22,3 @@ class DiagnosisProblem:
     options: DiagnosisOptions
     seed: int
     thresholds: Thresholds = field(default_factory=Thresholds)
-    named_before: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """By effect and parameter what a diagnosis of fewer recordings named: refits with it start there, too."""

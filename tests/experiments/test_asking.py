@@ -20,14 +20,13 @@ class MadeUpLab:
 
     def __init__(self, monkeypatch, *outcomes, score=1.0, refusal=None):
         self.outcomes, self.score, self.refusal = list(outcomes), score, refusal
-        self.diagnosed, self.asked_about, self.told, self.named_before, self.done = [], [], [], [], []
+        self.diagnosed, self.asked_about, self.told, self.done = [], [], [], []
         monkeypatch.setattr(asking, "diagnose", self.diagnose)
         monkeypatch.setattr(asking, "choose", self.choose)
 
     def diagnose(self, twin, episodes, options, **rest):
         self.diagnosed.append(list(episodes))
         self.told.append((rest["asked"], rest["loads"]))
-        self.named_before.append(rest["named_before"])
         outcome = self.outcomes.pop(0)
         is_named = outcome is Outcome.NAMED
         found = make_diagnosis() if is_named else replace(make_nothing_found(), outcome=outcome, limits=(DRAG,))
@@ -120,14 +119,6 @@ def test_every_diagnosis_knows_the_loads_and_how_often_was_asked(monkeypatch):
     lab = MadeUpLab(monkeypatch, Outcome.NONE, Outcome.NAMED)
     lab.answer(loads={"lift": 0.5})
     assert lab.told == [(0, {"lift": 0.5}), (1, {"lift": 0.5})]
-
-
-def test_every_diagnosis_knows_what_searches_through_fewer_recordings_named(monkeypatch):
-    lab = MadeUpLab(monkeypatch, Outcome.NAMED, Outcome.NONE, Outcome.NONE)
-    lab.answer()
-    (drag,) = make_diagnosis().effects
-    known = {drag.name: {name: each.value for name, each in drag.parameters.items()}}
-    assert lab.named_before == [{}, known, known]
 
 
 def test_it_says_which_names_what_was_asked_for_did_not_support(monkeypatch):

@@ -7,7 +7,7 @@ effect starts from where that one led as well, and so does, at last, the twin wi
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameters, effect_values, with_effect
+from egophys_core.diagnosis.evidence.fitted_parameters import effect_parameters, effect_values
 from egophys_core.diagnosis.evidence.judging import gain_on_left_out_data
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.refit import Fitted, refit_from
@@ -105,7 +105,6 @@ class _Refits:
         self._observations, self._iterations = problem.observations, problem.options.refit_iterations
         self._before, self._effects = before, effects
         self._earlier, self._others, self._far = earlier, others, far
-        self._named_before = problem.named_before
         self._without = linear_problem(before.residuals, before.jacobian, before.scale)
         self.needed = problem.thresholds.gain_alone(
             fitted=len(problem.observations), validated=bool(problem.validation)
@@ -129,8 +128,6 @@ class _Refits:
         else:
             far = self._far.get(name, ())
             starts = starts_beside(self._observations, self._before, self._effects[name], self._others, far)
-            if name in self._named_before:
-                starts = [with_effect(self._before.model, name, dict(self._named_before[name])), *starts]
         self._refit(name, starts)
 
     def refit_from_where_led(self, name: str, best: str) -> None:

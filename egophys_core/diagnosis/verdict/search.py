@@ -76,7 +76,7 @@ def _on_scale(
     ranking, worth = promise.ranking, promise.worth_a_refit(refit_gain)
     kind = kind_of(before.model).name
     common = {effect.name for effect in LIBRARY.values() if kind in effect.traits.common_in}
-    chosen = {*(each.name for each in worth[: options.shortlist]), *common, *earlier, *problem.named_before}
+    chosen = {*(each.name for each in worth[: options.shortlist]), *common, *earlier}
     ended = select_models(
         problem,
         before,

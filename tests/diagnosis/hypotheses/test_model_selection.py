@@ -1,7 +1,6 @@
 """Model selection: a special case gets its chance where a general effect led, and so does the twin without any."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import pytest
 
@@ -9,7 +8,6 @@ from egophys_core.diagnosis.evidence.fitted_parameters import baseline_parameter
 from egophys_core.diagnosis.evidence.linear_problem import linear_problem
 from egophys_core.diagnosis.evidence.marker_observations import observe_markers
 from egophys_core.diagnosis.evidence.refit import refit
-from egophys_core.diagnosis.hypotheses import model_selection
 from egophys_core.diagnosis.hypotheses.model_selection import select_models
 from egophys_core.diagnosis.hypotheses.ranking import probe_effects, rank
 from egophys_core.diagnosis.options import DiagnosisOptions
@@ -50,29 +48,6 @@ def selected_in(observations, model, parameters, chosen, others):
         far={},
     )
     return before, ended
-
-
-@pytest.mark.parametrize(("named_before", "first"), [({}, 3.0), ({"quadratic_drag": {"coefficient": 9.0}}, 9.0)])
-def test_a_refit_with_what_was_named_before_starts_there_first(monkeypatch, named_before, first):
-    tried = []
-
-    def refit_from(observations, starts, parameters, **rest):
-        tried.append([effect.values["coefficient"] for each in starts for effect in each.effects])
-        return SimpleNamespace(model=starts[0], loss=1.0)
-
-    own = [with_effect(sheet(), "quadratic_drag", {"coefficient": 3.0})]
-    monkeypatch.setattr(model_selection, "starts_beside", lambda *_: own)
-    monkeypatch.setattr(model_selection, "refit_from", refit_from)
-    monkeypatch.setattr(model_selection, "gain_on_left_out_data", lambda *_: 1.0)
-    before = refit([observe(sheet(), episodes()[0])], sheet(), (), iterations=0, scale=SCALE)
-    options = DiagnosisOptions(refit_iterations=4)
-    recorded = [SimpleNamespace(free=False)]
-    problem = DiagnosisProblem(observations=recorded, validation=(), options=options, seed=0, named_before=named_before)
-    effects = {"quadratic_drag": SimpleNamespace()}
-    ended = {"earlier": {}, "others": (), "far": {}}
-    select_models(problem, before, effects, ["quadratic_drag"], (), lambda *_: None, **ended)
-    assert tried[0][0] == first
-    assert tried[0][-1] == 3.0
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,6 @@ LOADS = {"gravity.mcap": 0.0, "load52.mcap": 0.510, "load101.mcap": 1.001}
 """N at the tip."""
 
 HELD_OUT = "load101.mcap"
-OPTIONS = DiagnosisOptions(shortlist=5)
 
 
 def run() -> dict[str, Any]:
@@ -35,7 +34,7 @@ def run() -> dict[str, Any]:
     )
     built = time.perf_counter()
     observed = {name: observe_markers(twin, episode, load=LOADS[name]) for name, episode in episodes.items()}
-    finding = diagnose(twin, fitted, OPTIONS, loads=LOADS, report_on=[episodes[HELD_OUT]])
+    finding = diagnose(twin, fitted, DiagnosisOptions(), loads=LOADS, report_on=[episodes[HELD_OUT]])
     diagnosis = finding.diagnosis.as_dict()
     models = {
         "elastic": replace(twin.model, parameters=replace(twin.model.parameters, damping=0.0, drag=0.0)),

@@ -31,7 +31,7 @@ RESULT = Path(__file__).parent / "results/injected.json"
 FIT = FitOptions(generations=6, dense_steps=0)
 """A quick twin: the diagnosis refits it anyway."""
 
-DIAGNOSIS = DiagnosisOptions(shortlist=3, surrogates=60, bootstraps=200)
+DIAGNOSIS = DiagnosisOptions(surrogates=60, bootstraps=200)
 
 NONE_SETS = 20
 

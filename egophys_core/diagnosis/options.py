@@ -11,7 +11,7 @@ class DiagnosisOptions:
 
     baseline_starts: int = number(6, low=1, high=40, doc="graphs and grasps that are refitted before one is taken")
     refit_iterations: int = number(8, low=1, high=50, doc="most steps of each refit, with and without an effect")
-    shortlist: int = number(3, low=1, high=24, doc="effects that are refitted after the linear ranking")
+    shortlist: int = number(5, low=1, high=24, doc="effects that are refitted after the linear ranking")
     surrogates: int = number(100, low=20, high=10_000, doc="shifted regressors that say what chance gains")
     bootstraps: int = number(500, low=50, high=10_000, doc="resamples of episodes and blocks for intervals")
 

@@ -128,9 +128,9 @@ class PlanExecutor:
         check_plan(plan, self._limits, self._calibration.world_to_base)
         start = self.tool_pose()
         path = PlannedPath(plan)
-        first = path.pose_at(0.0)
-        approach = StraightMove(start, first, self._limits)
-        self._check_approach(start, first, approach.turn)
+        goal = path.pose_at(0.0)
+        approach = StraightMove(start, goal, self._limits)
+        self._check_approach(start, goal, approach.turn)
         names = [f"waypoint {index} (t={time_s:.2f} s)" for index, time_s in enumerate(plan.times)]
         ways = [(f"on the way to {names[0]}", poses_between(approach.pose_at, 0.0, approach.duration, REACH_SPACING_M))]
         for name, (first, last) in zip(names[1:], pairwise(plan.times.tolist()), strict=True):
@@ -195,7 +195,7 @@ class PlanExecutor:
             recorder.sample()
         return recorder.executed(completed)
 
-    def _check_approach(self, start: Transform, first: Transform, turn: np.ndarray) -> None:
+    def _check_approach(self, start: Transform, goal: Transform, turn: np.ndarray) -> None:
         """The box is convex: from a start inside it, the straight way stays inside; the tool may be tilted on it."""
         if reason := self._limits.why_not(start, self._calibration.world_to_base, slack=MEASURED_SLACK):
             raise RobotError(
@@ -204,7 +204,7 @@ class PlanExecutor:
             )
         tipped = steepest_between(start.rotation, turn)
         if tipped is not None and (
-            reason := self._limits.why_not(replace(first, rotation=tipped), self._calibration.world_to_base)
+            reason := self._limits.why_not(replace(goal, rotation=tipped), self._calibration.world_to_base)
         ):
             raise RobotError(f"on the way to waypoint 0: {reason}; turn the tool nearer to that waypoint's first")
 

@@ -152,7 +152,7 @@ def _check_poses(plan: WaypointPlan, limits: MotionLimits, world_to_base: Transf
     ]
     between = [
         (f"between waypoints {index} and {index + 1}", replace(tool, rotation=tipped))
-        for index, ((_, tool), turn) in enumerate(zip(tools, turns, strict=False))
+        for index, ((_, tool), turn) in enumerate(zip(tools[:-1], turns, strict=True))
         if (tipped := steepest_between(tool.rotation, turn)) is not None
     ]
     for where, tool in (*tools, *between):

@@ -98,7 +98,9 @@ def median_size(found: Sequence[np.ndarray]) -> float:
 
 
 def residual_scale(observations: Sequence[TrackedEpisode], found: Sequence[np.ndarray]) -> float:
-    """s, metres: the median size of a residual's component, at least what is evidence there."""
+    """s, metres: the median size of a residual's component, at least what is evidence; that where all diverged."""
+    if not any(np.isfinite(each).any() for each in found):
+        return observations[0].least_scale
     return max(median_size(found), observations[0].least_scale)
 
 

@@ -9,7 +9,7 @@ from egophys_core.diagnosis.evidence.fitted_parameters import (
     effect_values,
     with_effect,
 )
-from egophys_core.diagnosis.evidence.refit import refit, refit_from, robust_loss
+from egophys_core.diagnosis.evidence.refit import refit, refit_from, residual_scale, robust_loss
 from egophys_core.diagnosis.evidence.residuals import residuals
 from egophys_core.diagnosis.tracked_episode import observe
 from egophys_core.effects import LIBRARY
@@ -35,6 +35,13 @@ def test_a_force_comes_back_with_its_direction_and_size():
     fitted = refit(observations, start, effect_parameters(LIBRARY[WIND.name]), iterations=8)
     found = effect_values(fitted.model, WIND.name)
     assert [found[axis] for axis in "xyz"] == pytest.approx([1.5, -1.0, 0.0], abs=0.2)
+
+
+def test_residuals_of_what_diverged_have_the_scale_that_is_evidence():
+    observations = [observe(sheet(), episodes(WIND)[0])]
+    sizes = [np.array([0.0, 2e-3, 4e-3, 0.1, np.nan])]
+    assert residual_scale(observations, sizes) == pytest.approx(3e-3)
+    assert residual_scale(observations, [np.full(5, np.inf)]) == observations[0].least_scale
 
 
 def test_a_refit_never_ends_worse_than_it_began():
